@@ -105,7 +105,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("features", "each feature, and each two, with the oldest toolchain", features::run),
     Part::new("no-std", "the libraries, built for bare-metal targets", no_std::run),
     Part::new("suites", "fsx and pjdfstest over condor-fs, while its server is killed", suites::run),
-    Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up", full_disk::run),
+    Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up, and beside the hand", full_disk::run),
     Part::new("mujoco", "the hand's controllers around a plant in MuJoCo", mujoco::run),
     Part::new("live", "the live server, with a client in Python", live::run),
     Part::new("page", "the page of the live server, in Chromium", page::run),

@@ -212,7 +212,7 @@ class SystemTest(unittest.TestCase):
         terminal = system.terminal("master")
         with system.watch("*.fault", "middle.*.tension") as watch:
             terminal.write("fault middle.proximal flexor\n")
-            self.assertIn("gave up", terminal.read_until("slack", DEADLINE_S))
+            self.assertIn("has a fault", terminal.read_until("slack", DEADLINE_S))
             while True:
                 samples = watch.read(50, timeout=DEADLINE_S)
                 faulty = [it for it in fingers if samples[f"{it}.fault"].values[-1] != 0]

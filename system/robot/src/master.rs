@@ -17,7 +17,7 @@
 //! | `followed` | a published [`TrackingReport`]: how well the joints have followed each motion |
 //! | `motions` | where its [queue](crate::motions) is asked |
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::time::Duration;
 
 use condor_hand::trajectory::{Generator, ProfileLimits};
@@ -67,6 +67,8 @@ const FIRST_LINE: Duration = Duration::from_secs(2);
 const FILES_TIMEOUT: Duration = Duration::from_secs(10);
 /// The editor of what is typed: the longest line, bytes, and how many of them it keeps.
 type Editor = LineEditor<160, 16>;
+/// Whether the prompt, and what has been typed after it, stand in the last line of the terminal.
+type Prompted = Cell<bool>;
 
 /// The program of the master, which moves the fingers: it makes the set-points of motions, and executes the commands
 /// that are typed at its terminal.
@@ -145,8 +147,10 @@ impl Program for Master {
                 ));
                 let files = background.files()?;
                 files.set_timeout(FILES_TIMEOUT);
+                let prompted = Prompted::new(false);
                 let commands = Commands {
                     hand,
+                    prompted: &prompted,
                     numbers: JointNumbers::of(hand),
                     background,
                     shared: &shared,
@@ -176,7 +180,7 @@ fn attend<M: Machine>(
     let mut watched = None;
     let patience = clock.now().after(FIRST_LINE);
     let mut listens = false;
-    let mut editor = Editor::new();
+    let mut editor = Editor::new().with_prompt("> ");
     start::attend(background, || {
         let now = clock.now();
         if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
@@ -208,18 +212,26 @@ fn listen<M: Machine>(
     let console = terminal.console(background.mailbox());
     let mut console = console.with_read_timeout(Duration::ZERO);
     let mut screen = terminal.console(background.mailbox());
+    if !commands.is_watching() && !commands.prompted.replace(true) {
+        // The terminal counts the bytes for which it has no room, here and below.
+        let _ = editor.show(&mut screen);
+    }
     // One at a time: an interrupt drops all that wait in the terminal.
     let mut byte = [0];
     while console.read_ready().unwrap_or(false) {
         match console.read(&mut byte) {
             Ok(_) => {
-                commands.end_watch();
+                if commands.is_watching() {
+                    commands.end_watch();
+                    commands.prompted.set(true);
+                    let _ = editor.show(&mut screen);
+                }
                 let [byte] = byte;
                 let mut complete = |before: &str, offer: &mut dyn FnMut(&str)| {
                     commands.complete(before, offer);
                 };
-                // The terminal counts the bytes for which it has no room.
                 if let Ok(Some(line)) = editor.feed(byte, &mut complete, &mut screen) {
+                    commands.prompted.set(false);
                     commands.obey(line.as_str());
                     return Ok(());
                 }
@@ -228,6 +240,7 @@ fn listen<M: Machine>(
                 commands.end_watch();
                 editor.clear();
                 background.print(format_args!("^C\n"));
+                commands.prompted.set(false);
                 commands.obey("abort");
             }
             Err(ConsoleError::Access(error)) => return Err(error.into()),

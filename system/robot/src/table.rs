@@ -167,7 +167,7 @@ impl fmt::Display for TableRefusal {
             Self::Busy => "it is busy with another request: ask again",
             Self::NotReady => "it has not been home, or has failed: type `table home`",
             Self::Speed => "the speed must be above 0 and at most 1",
-            Self::Motion => "the motion goes beyond the limits of the table, or is one too many",
+            Self::Motion => "the motion goes beyond the limits of the table, or too many wait: `table stop` ends those",
         })
     }
 }

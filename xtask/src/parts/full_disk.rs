@@ -1,5 +1,5 @@
 //! The tests that kill servers, hosts and peers, on a disk that is filled and freed at random meanwhile
-//! (`suites/full-disk`).
+//! (`suites/full-disk`); and the hand while its services and its user interface are killed.
 
 use std::time::{Duration, Instant};
 
@@ -54,8 +54,13 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             }
         }
     }
+    let kills = format!(
+        "target/debug/examples/kills --for {}s",
+        enough.as_secs().max(5)
+    );
+    context.command(&kills).run()?;
     let names = TESTS.map(|(package, ..)| package).join(", ");
     Ok(Summary::of(format!(
-        "faults of {names}: {runs} runs, nothing lost"
+        "faults of {names}: {runs} runs, and kills beside the hand; nothing lost"
     )))
 }

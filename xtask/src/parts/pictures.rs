@@ -1,5 +1,5 @@
-//! Pictures of the user interface for the READMEs: the hand waves in simulated time at the speed of the real
-//! one, and its plots are photographed in tmux at two sizes.
+//! Pictures of the user interface for the READMEs: the hand shows what it can do in simulated time at the speed of the
+//! real one, and is photographed in tmux at three sizes.
 
 mod svg;
 
@@ -56,6 +56,11 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     )))
 }
 
+/// The name of a picture, or of a terminal, of this size.
+fn named(name: &str, (columns, rows): (u16, u16)) -> String {
+    format!("{name}-{columns}x{rows}")
+}
+
 /// A server of terminals in which the hand runs.
 struct Tmux {
     place: PathBuf,
@@ -66,23 +71,31 @@ struct Tmux {
 impl Tmux {
     /// Makes the pictures, and returns how many.
     fn pictures(&self) -> Result<usize> {
-        self.open("ui", (200, 50), "")?;
-        self.expect("ui", "lists the commands")?;
-        self.send("ui", &["enable", "Enter"])?;
+        let hand = self.hand.display();
+        let sizes = [(200, 50), (120, 40), (80, 24)];
+        for (size, command) in sizes.into_iter().zip(["demo", "ui", "ui"]) {
+            let name = named("ui", size);
+            self.open(&name, size, &format!("{hand} {command}"))?;
+            self.expect(&name, "lists the commands")?;
+        }
+        let large = named("ui", (200, 50));
+        self.expect(&large, "`run wave`")?;
+        thread::sleep(WAVING);
+        let mut count = 0;
+        for size in sizes {
+            count += self.photograph(&named("ui", size), size, &named("ui", size))?;
+        }
+        self.expect(&large, "`push 0 0 0.2`")?;
+        count += self.photograph(&large, (200, 50), "demo-200x50")?;
+        self.expect(&large, "That was it")?;
         // The page of plots is the last one.
-        self.send(
-            "ui",
-            &[
-                "F3", "n", "C-u", POSITIONS, "Enter", "p", TENSIONS, "Enter", "r",
-            ],
-        )?;
-        self.wave()?;
-        thread::sleep(SPAN);
+        let keys = [
+            "F3", "F5", "n", "C-u", POSITIONS, "Enter", "p", TENSIONS, "Enter",
+        ];
+        self.send(&large, &keys)?;
         self.wave()?;
         thread::sleep(WAVING);
-        let mut count = self.photograph("ui", (200, 50), "ui-200x50")?;
-        self.send("ui", &["r"])?;
-        count += self.photograph("ui", (200, 50), "hand-200x50")?;
+        count += self.photograph(&large, (200, 50), "hand-200x50")?;
 
         let panes = format!("plot {POSITIONS} --pane '{TENSIONS}' --span 5s");
         for (name, before) in [("80x24", ""), ("80x24-no-color", "NO_COLOR=1 ")] {
@@ -107,18 +120,16 @@ impl Tmux {
     fn wave(&self) -> Result<()> {
         let line = format!("{} tty master", self.hand.display());
         self.open("wave", (80, 24), &line)?;
-        self.expect("wave", "lists the commands")?;
+        self.expect("wave", "> ")?;
         self.send("wave", &["run wave", "Enter"])?;
         thread::sleep(Duration::from_millis(300));
         self.ask(&["kill-session", "-t", "wave"])?;
         Ok(())
     }
 
-    /// Opens a terminal in which `line` runs, or the hand without one.
+    /// Opens a terminal in which `line` runs.
     fn open(&self, name: &str, (columns, rows): (u16, u16), line: &str) -> Result<()> {
         let (columns, rows) = (columns.to_string(), rows.to_string());
-        let hand = self.hand.display().to_string();
-        let line = if line.is_empty() { &hand } else { line };
         let size = ["-x", &columns, "-y", &rows];
         let new = ["new-session", "-d", "-s", name];
         self.ask(&[&new[..], &size, &[line]].concat())?;

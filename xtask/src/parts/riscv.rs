@@ -115,6 +115,6 @@ mod tests {
     fn a_joint_has_two_angles() {
         assert!(is_tracking("thumb      distal          5.805     51.822"));
         assert!(!is_tracking("finger     joint         rms deg   peak deg"));
-        assert!(!is_tracking("middle gave up: the finger"));
+        assert!(!is_tracking("middle has a fault: middle.distal"));
     }
 }

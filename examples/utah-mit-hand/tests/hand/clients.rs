@@ -34,11 +34,11 @@ fn in_control(typist: &mut Typist<'_>) -> u32 {
     session
 }
 
-fn open(typist: &mut Typist<'_>) -> u32 {
+pub(crate) fn open(typist: &mut Typist<'_>) -> u32 {
     ask!(typist, client, client.open(SOON)).unwrap()
 }
 
-fn control(typist: &mut Typist<'_>, session: u32, from_other: bool) -> InControl {
+pub(crate) fn control(typist: &mut Typist<'_>, session: u32, from_other: bool) -> InControl {
     match ask!(
         typist,
         client,
@@ -50,7 +50,11 @@ fn control(typist: &mut Typist<'_>, session: u32, from_other: bool) -> InControl
     }
 }
 
-fn offer(typist: &mut Typist<'_>, identity: RequestIdentity, motions: &[u8]) -> QueueAnswer {
+pub(crate) fn offer(
+    typist: &mut Typist<'_>,
+    identity: RequestIdentity,
+    motions: &[u8],
+) -> QueueAnswer {
     ask!(typist, client, client.offer(identity, motions, SOON)).unwrap()
 }
 
@@ -140,12 +144,8 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         typist.expect(&format!("is in control, by session {second}"), 1.0);
         let late = offer(typist, of(first, 7), b"open");
         assert_eq!(late, refused(RefusalReason::NotInControl));
-        assert_eq!(
-            typist.says("run open"),
-            format!(
-                "another program is in control, by session {second}: `control` takes control from it\n"
-            )
-        );
+        let said = typist.says("run open");
+        assert!(said.contains("`control` takes control"), "{said}");
         offer(typist, of(second, 1), b"wave");
         typist.wait(0.5);
         typist.shown.clear();
@@ -160,7 +160,7 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
             end(typist, of(second, 1)),
             (RequestState::Aborted, RefusalReason::Command)
         );
-        assert_eq!(typist.says("control"), "");
+        typist.does("control");
         typist.runs("open");
         // The terminal needs none of the sessions, of which there are as many as places.
         for _ in 0..20 {
@@ -312,11 +312,6 @@ fn what_is_typed_waits_like_all_requests_and_ends_no_other() {
             typist.says("to thumb.middle 0.9 0.4"),
             "the motion waits: it is number 1 in the queue\n"
         );
-        // Nothing else moves the hand meanwhile.
-        let busy = "a motion runs or waits: type `abort` first\n";
-        for line in ["grasp", "release"] {
-            assert_eq!(typist.says(line), busy, "{line}");
-        }
         typist.expect("wave is done\n", 20.0);
         typist.expect("thumb.middle is done\n", 2.0);
         let middle = typist.truth().position[3][2];
@@ -330,23 +325,6 @@ fn what_is_typed_waits_like_all_requests_and_ends_no_other() {
         typist.expect("open is done\n", 20.0);
         typist.expect("thumb.middle cannot go to 7 rad", 1.0);
         typist.expect("thumb.middle is done\n", 2.0);
-        let other = open(typist);
-        control(typist, other, true);
-        typist.wait(0.1);
-        let taken = format!(
-            "another program is in control, by session {other}: `control` takes control from it\n"
-        );
-        for line in ["grasp", "release", "to thumb.middle 0.9"] {
-            assert_eq!(typist.says(line), taken, "{line}");
-        }
-        // What is in memory stays as it is while it waits.
-        assert_eq!(typist.says("control"), "");
-        typist.says("load wave");
-        typist.types("run");
-        typist.types("run");
-        typist.wait(0.2);
-        assert_eq!(typist.says("load open"), busy);
-        assert_eq!(typist.says("record mine"), busy);
     });
 }
 
@@ -400,7 +378,7 @@ fn a_request_whose_file_does_not_come_in_time_waits_and_runs() {
             assert_eq!(look(typist, of(1)), waits);
             typist.wait(1.0);
         }
-        typist.expect("motions/open.motion: ", 2.0);
+        typist.expect("error: motions/open.motion: ", 2.0);
         assert_eq!(
             end(typist, of(1)),
             (RequestState::Done, RefusalReason::None)
@@ -426,7 +404,7 @@ fn the_terminal_keeps_control_only_if_somebody_has_typed_so() {
         let mine = InControl::Session(session);
         assert_eq!(control(typist, session, false), mine);
         typist.expect(&format!("is in control, by session {session}"), 1.0);
-        assert_eq!(typist.says("control"), "");
+        typist.does("control");
         typist.runs("open");
         let terminal = control(typist, session, false);
         assert_eq!(terminal, InControl::Program);

@@ -198,7 +198,7 @@ fn a_composed_motion_moves_the_hand() {
     let id = page.good("/sim/enqueue", &far)["id"].clone();
     let outcome = stranger.end(&id);
     assert_eq!(outcome["state"], "refused");
-    let reason = "a position, a pace or a guard is not possible";
+    let reason = "a position, a pace or a guard is not possible; the master's terminal says which";
     assert_eq!(outcome["reason"], reason);
     page.fails("/sim/enqueue", &json!({ "text": "[[motion" }), "motion:1");
     page.fails(

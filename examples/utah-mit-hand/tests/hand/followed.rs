@@ -26,7 +26,7 @@ fn what_is_between_motions_or_broken_off_counts_for_none() {
         let first = typist.runs("open");
         // Too fast to be followed well, and no motion with a name.
         let said = typist.says("to index.distal 1.2 0.15");
-        assert_eq!(said, "index.distal is done\n");
+        assert_eq!(said, "index.distal goes to 1.2 rad\nindex.distal is done\n");
         typist.wait(1.0);
         typist.shown.clear();
         typist.types("run fist");

@@ -118,7 +118,7 @@ fn around_the_ball(typist: &mut Typist<'_>) {
     typist.runs("apart");
     let [x, y, z] = BALL;
     let ball = format!("ball {RADIUS_M} 0.05 {x} {y} {z}");
-    assert_eq!(typist.says(&ball), "");
+    typist.does(&ball);
     assert_eq!(typist.truth().touching, 0);
 }
 
@@ -339,10 +339,7 @@ fn a_guard_of_contact_needs_a_sensor() {
             "close",
             &motion("0.1", "stop = { contact = true }", "to", apart(APART_M)),
         );
-        assert_eq!(
-            typist.says("run close"),
-            "motion 1 is to stop at contact, but ring has no tactile sensor\n"
-        );
+        assert!(typist.says("run close").contains("no tactile sensor"));
         typist.writes(
             "close",
             &motion("0.1", "stop = { torque = 5.0 }", "to", apart(APART_M)),
@@ -359,7 +356,7 @@ fn a_new_incarnation_of_the_master_is_not_held_by_the_stops_of_the_last() {
         typist.writes("close", &motion("0.1", guard, "to", apart(CLOSED_M)));
         let seen = watched(typist, "close");
         assert!(seen.shown.contains("has stopped"), "{}", seen.shown);
-        assert_eq!(typist.says("ball none"), "");
+        typist.does("ball none");
         typist.restart(MASTER);
         typist.begin();
         typist.types("enable");

@@ -9,6 +9,7 @@ mod up;
 mod clients;
 mod compile;
 mod composed;
+mod errors;
 mod followed;
 mod guards;
 mod lost_readings;

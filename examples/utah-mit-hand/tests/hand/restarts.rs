@@ -53,26 +53,6 @@ fn c_it_can_restart_errant_programs() {
     up.types("enable");
     up.types("run open");
     up.expect("open is done\n");
-    up.types("restart servo-x");
-    up.expect(
-        "restart servo-x: there is no processor or service `servo-x`; \
-         there are files, terminals, plant, servo-a, servo-b, table, master\n",
-    );
-    up.types("load servo-a /bin/sh");
-    up.expect("a processor may load `self` and the programs that the description names");
-}
-
-#[test]
-fn a_master_that_may_not_restart_programs_is_told_which_key_is_missing() {
-    const NAME: &str = "no-restarts";
-    let mut up = Up::start(NAME, "max", |text| {
-        text.replace("may_ask = ", "# may_ask = ")
-    });
-    up.types("restart servo-a");
-    up.expect(
-        "the description does not let `master` ask for a restart: \
-         its processor needs `may_ask = [\"restart\"]`\n",
-    );
 }
 
 /// "The master ends. No set-points come any more, and after 60 ms each finger that follows has a fault": in
@@ -97,8 +77,8 @@ fn fingers_are_off_after_the_master_was_killed_until_a_person_enables_them() {
     kill_process(pid, Signal::KILL).unwrap();
     up.expect("`help` lists the commands\n");
     for finger in ["index", "middle", "ring", "thumb"] {
-        up.expect(&format!("{finger} gave up"));
-        up.expect("stale set-point");
+        up.expect(&format!("{finger} has a fault"));
+        up.expect("has no new set-point");
     }
     let (is_done, text) = motion(&up);
     assert!(

@@ -45,7 +45,7 @@ fn what_comes_out_of_its_stops_is_no_error_of_tracking() {
     run(|typist| {
         typist.begin();
         assert!(!are_free(typist, &hand));
-        assert_eq!(typist.says("enable"), "");
+        typist.does("enable");
         typist.wait(1.0);
         assert!(are_free(typist, &hand));
         let moved = typist.runs("open");
@@ -62,10 +62,10 @@ fn a_joint_that_is_sent_to_its_limit_rests_where_its_stop_begins() {
     let (_, high) = hand.fingers[0].joints[3].rest_range();
     run(|typist| {
         typist.begin();
-        assert_eq!(typist.says("enable"), "");
+        typist.does("enable");
         typist.wait(1.0);
         let limit = hand.fingers[0].joints[3].limits.high;
-        assert_eq!(typist.says(&format!("to index.distal {limit} 1")), "");
+        typist.does(&format!("to index.distal {limit} 1"));
         typist.wait(2.0);
         for _ in 0..100 {
             let off = (typist.truth().position[0][3] - high).to_degrees();
@@ -87,7 +87,7 @@ fn slow_joints_come_out_of_their_stops_within_their_limits() {
     let slow = hand.clone();
     run_with(&hand, |typist| {
         typist.begin();
-        assert_eq!(typist.says("enable"), "");
+        typist.does("enable");
         let before = typist.wanted.len();
         typist.wait(30.0);
         let status = typist.says("status");

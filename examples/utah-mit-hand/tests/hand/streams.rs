@@ -144,7 +144,7 @@ fn a_hand_whose_points_stay_away_brakes_and_says_why() {
     let (_, gone) = gone.rsplit_once("the program of session ").unwrap();
     let session: u32 = gone.split_once(' ').unwrap().0.parse().unwrap();
     up.expect(&format!(
-        "stream {session}.1 was not completed: its points did not come in time\n"
+        "stream {session}.1 was not completed: its points did not come in time; send them earlier\n"
     ));
     let (wanted, velocity, _) = seen(&view);
     assert_eq!(velocity.to_bits(), 0.0_f64.to_bits());

@@ -29,7 +29,7 @@ pub(crate) struct Seen {
     pub(crate) replaced: u32,
     pub(crate) saved: u32,
     pub(crate) motions: u32,
-    /// The number of times that a finger gave up, as the master said.
+    /// The number of times that a finger had a fault, as the master said.
     pub(crate) faults: u32,
     /// All that is not as it should be.
     pub(crate) wrong: Vec<String>,
@@ -160,7 +160,7 @@ impl Master {
             Stage::Moving { name, since } => (name, since),
         };
         let done = match self.stage {
-            Stage::Saving { .. } => text.contains(" motions saved"),
+            Stage::Saving { .. } => text.contains(" saved"),
             _ => text.contains(&format!("{name} is done")),
         };
         if done {
@@ -174,10 +174,10 @@ impl Master {
             seen.saved += 1;
             return self.go(up, more);
         }
-        if text.contains("gave up") || text.contains("is not enabled") {
+        if text.contains("has a fault") || text.contains("is not enabled") {
             // Deadlines that a busy machine misses are a fault of the hand, and the master says so.
             self.looked += text.len();
-            seen.faults += u32::from(text.contains("gave up"));
+            seen.faults += u32::from(text.contains("has a fault"));
             up.type_line(MASTER, "clear")?;
             up.type_line(MASTER, "enable")?;
             self.stage = Stage::Enabling {
@@ -231,7 +231,7 @@ impl Master {
                 seen.wrong.push(text);
             }
         }
-        let said = text.matches(" motions saved").count();
+        let said = text.matches(" saved").count();
         if said != seen.saved as usize {
             let text = format!("{said} sequences were saved, and not {}", seen.saved);
             seen.wrong.push(text);

@@ -23,7 +23,7 @@ const PACKAGE: &str = env!("CARGO_MANIFEST_DIR");
 const NAME: &str = "kills";
 pub(crate) const MASTER: &str = "master";
 /// Names and numbers of the tellers.
-pub(crate) const TELLERS: [(&str, u8); 2] = [("teller-a", 5), ("teller-b", 6)];
+pub(crate) const TELLERS: [(&str, u8); 2] = [("teller-a", 7), ("teller-b", 8)];
 
 const TELLER: &str = r#"
 [[processors]]

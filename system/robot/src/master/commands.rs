@@ -1,7 +1,8 @@
 //! [`Commands`]: what is typed.
 
-use core::fmt::{Arguments, Write as _};
+use core::fmt::{Arguments, Display, Write as _};
 
+use condor_hand::decimal::Decimal;
 use condor_hand::grasp::distributed::{GraspOrder, GraspSettings};
 use condor_hand::servo::ServoMode;
 use condor_hand::trajectory::Pace;
@@ -16,8 +17,9 @@ use super::queue::{JointMove, Requests, Work};
 use super::sequence::Store;
 use super::servos::Servos;
 use super::servos::are_all;
-use super::words::{Problem, Words};
+use super::words::{Problem, Words, names};
 use crate::joints::{JointName, JointNumbers};
+use crate::master::Prompted;
 use crate::motions::MotionsEvent;
 use crate::plant::{NumberRange, PlantRequest, PlantTarget};
 use crate::queue::{InControl, OWN, RefusalReason, RequestIdentity, RequestState};
@@ -33,53 +35,101 @@ mod processors;
 mod shown;
 mod watch;
 
-use list::{Command, Line, commands, find, nearest};
+use list::{Command, Group, Line, commands, find, nearest};
 pub(super) use processors::Processors;
-use shown::{Boards, MeasuredObject, MixedModes, Row, Titles};
+use shown::{Boards, MeasuredObject, MixedModes, MotionCount, Row, Titles};
 pub(super) use watch::Watching;
 
 commands! {
-    "help" "[COMMAND]" "lists the commands, or explains one" "help to" help;
-    "status" "" "shows fingers, motion, object and table" "status" status;
-    "watch" "[FINGER|FINGER.JOINT]..." "shows joints live, until a key is typed"
-        "watch index thumb.distal" watch_joints;
-    "enable" "[FINGER]" "restarts if failed; holds the position" "enable index" enable;
-    "disable" "[FINGER]" "lets go: least tension on both tendons" "disable index" disable;
-    "run" "[MOTION]" "runs a motion, or the one in memory" "run wave" run;
-    "control" "" "takes control from another program" "control" control;
-    "motions" "" "lists the names of all motions" "motions" motions;
-    "pause" "" "pauses the motion" "pause" pause;
-    "resume" "" "continues the paused motion" "resume" resume;
-    "abort" "" "ends the motion; so does Ctrl-C" "abort" abort;
-    "to" "FINGER.JOINT RAD [SECONDS]" "moves one joint" "to index.middle 0.9 0.5" to;
-    "torque" "FINGER.JOINT NM" "sets the torque of the joint's tendons" "torque index.middle 0.05" torque;
-    "tension" "FINGER.JOINT N N" "sets tensions of flexor and extensor" "tension index.middle 8 8" tension;
-    "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "acts as a spring" "impedance index 0.5" impedance;
-    "mode" "FINGER[.JOINT] MODE" "sets the way to control joints" "mode index impedance" mode;
-    "gains" "FINGER.JOINT [GAIN VALUE]..." "shows or sets gains of the controller"
-        "gains index.middle damping_ratio 1" gains;
-    "record" "MOTION" "records motions until `save`" "record mine" record;
-    "save" "[MOTION]" "saves the recorded motions in a file" "save mine" save;
-    "load" "MOTION|PROCESSOR [PROGRAM [WORD]...]" "loads a motion, or starts a program" "load wave" load;
-    "restart" "PROCESSOR" "restarts the program of a processor" "restart 1" restart;
-    "table" "[home|stop|off|clear|X Y Z [SPEED]]" "moves the palm to X Y Z, m" "table 0.05 0 -0.02 0.5" table;
-    "grasp" "[N/M|STIFFNESS]" "grasps the ball where the camera sees it" "grasp 150" grasp;
-    "release" "" "lets go of the ball" "release" release;
-    "ball" "[none|RADIUS [MASS [X Y Z]]]" "adds a simulated ball, held until `letgo`" "ball 0.02 0.05" ball;
-    "letgo" "[SECONDS]" "leaves the ball to the fingers alone" "letgo 1" letgo;
-    "push" "X Y Z [X Y Z]" "pushes the ball: force, N; moment, N m" "push 0.2 0 0" push;
-    "weight" "FINGER KG" "hangs a simulated weight on a fingertip" "weight index 0.1" weight;
-    "fault" "FINGER.JOINT position|flexor|extensor" "simulates a broken part" "fault thumb.distal position" fault;
-    "clear" "" "mends faults; restarts a failed robot" "clear" clear;
+    "look": "shows the robot and what can be run" {
+        "help" "[GROUP|COMMAND]" "lists the commands, or explains some" "help to" help
+            "Tab completes the word that is being typed; Up brings back the line before.";
+        "status" "" "shows fingers, motion, object and table" "status" status
+            "Faults are shown with what can be done about them.";
+        "watch" "[FINGER|FINGER.JOINT]..." "shows joints live, until a key is typed" "watch index thumb.distal"
+            watch_joints "Without a name it shows the joints that were named last.";
+        "motions" "" "lists the motions that `run` knows" "motions" motions
+            "They are the files of the directory `motions`.";
+    }
+    "hold": "makes fingers hold their positions, or lets them go" {
+        "enable" "[FINGER]" "makes fingers hold where they are, also after a fault" "enable index" enable
+            "Without a name: all fingers.";
+        "disable" "[FINGER]" "lets go: least tension on both tendons" "disable index" disable
+            "Without a name: all fingers. It ends a motion that moves one of them.";
+        "control" "" "takes control from another program, such as the page" "control" control
+            "Only one program at a time can move the robot.";
+    }
+    "move": "moves the robot; `enable` first" {
+        "run" "[MOTION]" "runs a motion, or the one in memory" "run wave" run
+            "`motions` lists them; `record` and `open` put one into memory. If another one runs, it waits.";
+        "to" "FINGER.JOINT RAD [SECONDS]" "moves one joint to a position" "to index.middle 0.9 0.5" to
+            "RAD: within the limits of the joint. SECONDS: above 0; by default at a tenth of its largest speed.";
+        "pause" "" "slows the motion down to a stop" "pause" pause "`resume` goes on with it.";
+        "resume" "" "goes on with the motion that is paused" "resume" resume "";
+        "abort" "" "ends all motion; so does Ctrl-C" "abort" abort "The joints hold where they come to rest.";
+    }
+    "modes": "sets how joints are controlled; `enable` first" {
+        "mode" "FINGER[.JOINT] MODE" "sets the mode; the joint keeps what it has" "mode index impedance" mode
+            "MODE: off, tension, torque, position or impedance. `enable` goes back to positions.";
+        "torque" "FINGER.JOINT NM" "sets the torque of a joint" "torque index.middle 0.05" torque
+            "NM: the torque of its tendons, N m. Nothing else bears the weight of the links.";
+        "tension" "FINGER.JOINT N N" "sets tensions of flexor and extensor" "tension index.middle 8 8" tension
+            "N: within the range of the actuators.";
+        "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "acts as a spring" "impedance index 0.05" impedance
+            "Stiffness, damping, and the position at rest, by default the present one.";
+        "gains" "FINGER.JOINT [GAIN VALUE]..." "shows or sets gains of the controller"
+            "gains index.middle damping_ratio 1" gains "A value out of its range is refused with the range.";
+    }
+    "teach": "records motions, and keeps them in files" {
+        "record" "MOTION" "records what is run until `save`" "record mine" record
+            "Each `to` and `run` that is done becomes a part of MOTION.";
+        "save" "[MOTION]" "saves the motion in memory in a file" "save mine" save
+            "By default under the name that it has.";
+        "open" "MOTION" "takes a motion from its file into memory" "open wave" open
+            "`run` runs it then, and `save` can save it under another name.";
+    }
+    "object": "grasps a ball, and moves the table" {
+        "grasp" "[N/M|STIFFNESS]" "closes the fingers on the ball" "grasp 150" grasp
+            "Needs a ball (`ball`) and three enabled fingers. STIFFNESS: a file of the directory `grasps`.";
+        "release" "" "ends the grasp; the fingers hold where they are" "release" release "";
+        "table" "[home|stop|off|clear|X Y Z [SPEED]]" "moves the palm to X Y Z, m" "table 0.05 0 -0.02 0.5" table
+            "`table home` first. SPEED: a part of the largest speed, above 0, at most 1; by default 0.2.";
+    }
+    "simulate": "changes the simulated robot" {
+        "ball" "[none|RADIUS [MASS [X Y Z]]]" "adds a ball, held until `letgo`" "ball 0.02 0.05" ball
+            "RADIUS: 0.005 to 0.04 m. MASS: 0.001 to 1 kg. X, Y, Z: -0.3 to 0.3 m, of the palm.";
+        "letgo" "[SECONDS]" "leaves the ball to the fingers alone" "letgo 1" letgo
+            "SECONDS: 0 to 60, within which its support vanishes.";
+        "push" "X Y Z [X Y Z]" "pushes the ball until the next push" "push 0.2 0 0" push
+            "Force: -20 to 20 N. Moment: -1 to 1 N m.";
+        "weight" "FINGER KG" "hangs a weight on a fingertip" "weight index 0.1" weight
+            "KG: 0 to 1 kg; 0 takes it away.";
+        "fault" "FINGER.JOINT position|flexor|extensor" "breaks a sensor or a tendon" "fault thumb.distal position"
+            fault "`clear` mends it.";
+        "clear" "" "mends what is broken; resets a failed simulation" "clear" clear "The ball stays where it is.";
+    }
+    "programs": "restarts and replaces programs of processors" {
+        "restart" "PROCESSOR" "restarts the program of a processor" "restart 1" restart
+            "PROCESSOR: its name or its number.";
+        "load" "PROCESSOR PROGRAM [WORD]..." "runs another program there" "load servo-a self servo" load
+            "PROGRAM: a file, or `self`; the WORDs are its arguments.";
+    }
 }
 
+/// The most motions that are listed in the order of their names.
+const MOTIONS: usize = 64;
 const SECONDS: &str = "a time above 0, s";
+const SPEED: &str = "a speed above 0, at most 1";
+
+/// The beginning of a line that says why something is not done.
+const ERROR: &str = "error: ";
 
 /// The state that commands share.
 pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) hand: &'r RobotDescription,
     pub(super) numbers: JointNumbers,
     pub(super) background: &'r Background<'r, M>,
+    pub(super) prompted: &'r Prompted,
     pub(super) shared: &'r SharedDrive<'p, M::Window>,
     pub(super) servos: Servos<'r, 'p, M>,
     pub(super) player: Player,
@@ -100,11 +150,15 @@ pub(super) struct Closing {
     until: Instant,
 }
 
-/// Says lines on the terminal.
+/// Returns a function that says a line on the terminal, in the place of the prompt if that is shown.
 pub(super) fn said<'r, M: Machine>(
     background: &'r Background<'r, M>,
+    prompted: &'r Prompted,
 ) -> impl Fn(Arguments<'_>) + 'r {
-    |line| background.print(format_args!("{line}\n"))
+    |line| {
+        let begin = if prompted.take() { "\r\x1b[K" } else { "" };
+        background.print(format_args!("{begin}{line}\n"));
+    }
 }
 
 impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
@@ -123,15 +177,20 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Says why a line is not done: in which word the mistake is, and what was expected.
     fn explain(&self, line: &str, word: &str, problem: &Problem<'_>) {
         let Some(number) = problem.place(line) else {
-            return self.say(format_args!("{problem}"));
+            return self.complain(problem);
         };
-        self.say(format_args!("word {number}: {problem}"));
-        if let Some(command) = find(COMMANDS, word) {
+        self.say(format_args!("{ERROR}word {number}: {problem}"));
+        if let Some(command) = find(GROUPS, word) {
             let example = command.example;
             self.say(format_args!("expected: {command}, such as: {example}"));
-        } else if let Some(name) = nearest(COMMANDS, word) {
+        } else if let Some(name) = nearest(GROUPS, word) {
             self.say(format_args!("did you mean `{name}`?"));
         }
+    }
+
+    /// Says why something is not done.
+    fn complain(&self, problem: &impl Display) {
+        self.say(format_args!("{ERROR}{problem}"));
     }
 
     /// Returns true if all fingers have reported their state and positions.
@@ -146,7 +205,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Looks at the servos. All motion stops when a finger does not follow any more.
     pub(super) fn watch(&mut self) -> Result<(), ProgramError> {
-        self.servos.watch(said(self.background))?;
+        self.servos.watch(said(self.background, self.prompted))?;
         self.stop_if_lost();
         Ok(())
     }
@@ -160,7 +219,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Goes on with the motion that runs, and with those that wait.
     pub(super) fn play(&mut self) {
-        let say = said(self.background);
+        let say = said(self.background, self.prompted);
         match self.requests.attend() {
             Ok(Some(MotionsEvent::Aborted)) if self.stop(RefusalReason::Command) => {
                 say(format_args!("all motion stops"));
@@ -172,7 +231,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 "the program of session {session} has ended: no program is in control"
             )),
             Ok(_) => {}
-            Err(problem) => say(format_args!("{problem}")),
+            Err(problem) => say(format_args!("{ERROR}{problem}")),
         }
         if let Some(problem) = self.requests.take_refused() {
             say(format_args!(
@@ -196,17 +255,17 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 say(format_args!("{title} is done"));
             }
             if let Err(error) = self.requests.server.end(state, reason) {
-                say(format_args!("{}", Problem::from(error)));
+                say(format_args!("{ERROR}{}", Problem::from(error)));
             }
             self.stop_if_lost();
         }
         if let Err(problem) = self.begin_next() {
-            say(format_args!("{problem}"));
+            say(format_args!("{ERROR}{problem}"));
         }
         (self.requests.server).tell_progress(self.player.done(self.shared));
         self.follow.look(&self.servos, self.hand, &say);
         if let Err(problem) = self.close() {
-            say(format_args!("{problem}"));
+            say(format_args!("{ERROR}{problem}"));
         }
     }
 
@@ -256,13 +315,19 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                     .end(RequestState::Aborted, RefusalReason::FromHere)?),
             };
         }
-        if let Err(error) = self.player.begin(title.clone(), fingers) {
+        if self.player.begin(title.clone(), fingers).is_err() {
             self.player.stop();
             (self.requests.server).end(RequestState::Aborted, RefusalReason::NoMotion)?;
-            return Err(Problem::Recording(error));
+            return Err(Problem::Full(self.player.kept_title.clone()));
         }
-        // Nobody compares the tracking errors of a single joint that a command moves.
-        if !matches!(work, Work::Joint(_)) {
+        if let Work::Joint(one) = &work {
+            let to = Decimal(one.position);
+            self.say(format_args!("{title} goes to {to} rad"));
+        } else {
+            if identity.session == OWN {
+                self.say(format_args!("{title} runs"));
+            }
+            // Nobody compares the tracking errors of a single joint that a command moves.
             let is_named = matches!(work, Work::Named(_) | Work::Kept(_));
             (self.follow).begin(self.shared, identity, &title, is_named);
         }
@@ -277,9 +342,9 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         problem: &Problem<'_>,
     ) -> Result<(), Problem<'static>> {
         if identity.session == OWN {
-            self.say(format_args!("{problem}"));
+            self.complain(problem);
         } else {
-            self.say(format_args!("refused {title}: {problem}"));
+            self.say(format_args!("{ERROR}refused {title}: {problem}"));
         }
         self.player.stop();
         Ok(self.requests.server.refuse(problem.reason())?)
@@ -313,56 +378,98 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     fn help<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let Some(word) = words.next() else {
-            for command in COMMANDS {
-                self.say(format_args!("{}", Line(command)));
+        let word = words.next();
+        words.end()?;
+        let Some(word) = word else {
+            for group in GROUPS {
+                self.say(format_args!("{group}"));
             }
+            self.say(format_args!(
+                "`help GROUP` tells what its commands do, `help COMMAND` how to type one"
+            ));
             return Ok(());
         };
-        words.end()?;
-        let command = find(COMMANDS, word).ok_or(Problem::Command(word))?;
-        self.say(format_args!("{command}: {}", command.about));
-        self.say(format_args!("example: {}", command.example));
+        if let Some(command) = find(GROUPS, word) {
+            self.say(format_args!("{command}: {}", command.about));
+            if !command.more.is_empty() {
+                self.say(format_args!("{}", command.more));
+            }
+            self.say(format_args!("example: {}", command.example));
+            return Ok(());
+        }
+        let group = GROUPS.iter().find(|group| group.name == word);
+        let group = group.ok_or(Problem::Command(word))?;
+        self.say(format_args!("{}: {}", group.name, group.about));
+        for command in group.commands {
+            self.say(format_args!("{}", Line(command)));
+        }
         Ok(())
     }
 
     fn enable<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        self.each_finger(words, Servos::enable)
+        self.each_finger(words, "enabled, holding position", Servos::enable)
     }
 
     fn control<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
-        self.requests.take_control(true)
+        self.requests.take_control(true)?;
+        self.say(format_args!("this terminal is in control"));
+        Ok(())
     }
 
     fn motions<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
-        let say = said(self.background);
-        self.store.list(|name| say(format_args!("{name}")))
+        let say = said(self.background, self.prompted);
+        let mut names = heapless::Vec::<MotionName, MOTIONS>::new();
+        self.store.list(|name| {
+            let listed = MotionName::try_from(name).map(|it| names.push(it));
+            if !matches!(listed, Ok(Ok(()))) {
+                say(format_args!("{name}"));
+            }
+        })?;
+        names.sort_unstable();
+        names.iter().for_each(|name| say(format_args!("{name}")));
+        Ok(())
     }
 
     fn pause<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
+        self.check_moves()?;
         with(self.shared, |drive| {
             drive.generator.pause();
             drive.abort_stream();
         });
+        self.say(format_args!("paused: `resume` goes on"));
         Ok(())
     }
 
     fn resume<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
+        self.check_moves()?;
         with(self.shared, |drive| {
             drive.generator.resume();
             drive.generator.proceed();
         });
+        self.say(format_args!("the motion goes on"));
         Ok(())
     }
 
     fn abort<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
-        if !self.stop(RefusalReason::Command) {
-            self.say(format_args!("no motion runs"));
+        let text = if self.stop(RefusalReason::Command) {
+            "all motion stops"
+        } else {
+            "no motion runs"
+        };
+        self.say(format_args!("{text}"));
+        Ok(())
+    }
+
+    /// Returns an error if nothing moves the joints, paused or not.
+    fn check_moves(&self) -> Result<(), Problem<'static>> {
+        let is_idle = with(self.shared, |drive| drive.generator.is_idle());
+        if self.player.title().is_none() && is_idle != Some(false) {
+            return Err(Problem::NoMotion);
         }
         Ok(())
     }
@@ -371,25 +478,29 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let name = words.name()?;
         words.end()?;
         self.requests.check_kept()?;
+        if self.player.is_recording && !self.player.kept.is_empty() {
+            let former = &self.player.kept_title;
+            self.say(format_args!("{former}, which is not saved, is dropped"));
+        }
         self.player.kept.clear();
         self.player.name_kept(name);
         self.player.is_recording = true;
+        self.say(format_args!("recording {name}: `save` writes it to a file"));
         Ok(())
     }
 
-    /// A motion, or the program of a processor if there are more words.
-    fn load<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        if words.peek().nth(1).is_some() {
-            let processor = words.word("a processor")?;
-            return self.load_program(processor, words);
-        }
+    fn open<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let name = words.name()?;
+        words.end()?;
         self.requests.check_kept()?;
         self.player.is_recording = false;
         self.store.load(name, &mut self.player.kept)?;
         self.player.name_kept(name);
         let count = self.player.kept.motions().map_or(0, |it| it.len());
-        self.say(format_args!("{name}: {count} motions; `run` runs them"));
+        let count = MotionCount(count);
+        self.say(format_args!(
+            "{name}: {count}; `run` runs what is in memory"
+        ));
         Ok(())
     }
 
@@ -397,14 +508,31 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         words.end()?;
         self.requests.check_free()?;
         self.closing = None;
-        self.order(&GraspOrder::RELEASE)
+        let is_held = (0..FINGERS).any(|finger| self.is_in_grasp(finger));
+        self.order(&GraspOrder::RELEASE)?;
+        if !is_held {
+            return Err(Problem::NoGrasp);
+        }
+        // They have left it by this order.
+        for finger in 0..self.hand.fingers.len() {
+            self.servos.refresh(finger)?;
+        }
+        self.say(format_args!(
+            "the grasp has ended; the fingers hold where they are"
+        ));
+        Ok(())
     }
 
     fn letgo<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let seconds = words.maybe_within("a time, s", NumberRange::LET_GO)?;
         let seconds = seconds.unwrap_or(1.0);
         words.end()?;
-        self.others.plant(&PlantRequest::LetGo { seconds })
+        self.others.plant(&PlantRequest::LetGo { seconds })?;
+        let seconds = Decimal(seconds);
+        self.say(format_args!(
+            "the support of the ball vanishes within {seconds} s"
+        ));
+        Ok(())
     }
 
     fn push<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -414,16 +542,33 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Some(_) => words.three_within("a moment, N m", NumberRange::MOMENT)?,
         };
         words.end()?;
-        self.others.plant(&PlantRequest::Push { force, moment })
+        self.others.plant(&PlantRequest::Push { force, moment })?;
+        if [force, moment].as_flattened().iter().all(|it| *it == 0.0) {
+            self.say(format_args!("nothing pushes the ball any more"));
+            return Ok(());
+        }
+        let [[fx, fy, fz], [mx, my, mz]] = [force, moment].map(|it| it.map(Decimal));
+        self.say(format_args!(
+            "the ball is pushed with {fx} {fy} {fz} N and {mx} {my} {mz} N m"
+        ));
+        Ok(())
     }
 
     fn clear<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
-        self.others.plant(&PlantRequest::Mend)
+        let has_failed = matches!(self.others.failed(), Some(1..));
+        self.others.plant(&PlantRequest::Mend)?;
+        let text = if has_failed {
+            "the simulated robot is at its start again"
+        } else {
+            "all sensors and tendons are whole"
+        };
+        self.say(format_args!("{text}"));
+        Ok(())
     }
 
     fn say(&self, line: Arguments<'_>) {
-        said(self.background)(line);
+        said(self.background, self.prompted)(line);
     }
 
     fn status<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -453,13 +598,16 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         }
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             if let Some(fault) = self.servos.status(finger).and_then(|status| status.fault) {
-                self.say(format_args!("fault of {}: {fault}", entry.name));
+                let name = &entry.name;
+                let remedy = fault.code.remedy();
+                self.say(format_args!("{name} has a fault: {}", fault.of(entry)));
+                self.say(format_args!("  {remedy}; then `enable {name}`"));
             }
         }
         if let Some(resting @ 1..) = self.others.resting() {
             let boards = Boards(resting);
             self.say(format_args!(
-                "D/A boards that get no values, and make the least tensions until some come: {boards}"
+                "no program sends values to the D/A boards {boards}: their tendons have the least tensions"
             ));
         }
         let failed = self.others.failed();
@@ -497,7 +645,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         }
         let (waiting, in_control) = self.requests.waiting();
         if waiting > 0 {
-            self.say(format_args!("{waiting} motions wait"));
+            self.say(format_args!("waiting: {}", MotionCount(waiting as u32)));
         }
         if matches!(in_control, InControl::Session(_)) {
             self.say(format_args!("{in_control}"));
@@ -510,8 +658,9 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 "in memory"
             };
             self.say(format_args!(
-                "{what}: {}, {count} motions",
-                self.player.kept_title
+                "{what}: {}, {}",
+                self.player.kept_title,
+                MotionCount(count)
             ));
         }
         match self.others.see(self.background) {
@@ -538,14 +687,14 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             was_busy
         });
         if let Err(error) = self.requests.server.abort(reason) {
-            self.say(format_args!("{}", Problem::from(error)));
+            self.say(format_args!("{ERROR}{}", Problem::from(error)));
         }
         was_busy.unwrap_or(false)
     }
 
     /// Switches fingers off, and stops what moves one of them.
     fn disable<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let outcome = self.each_finger(words, Servos::disable);
+        let outcome = self.each_finger(words, "disabled, at the least tensions", Servos::disable);
         let is_moved = |finger| self.player.moves(finger) && !self.servos.follows(finger);
         if (0..FINGERS).any(is_moved) && self.stop(RefusalReason::Command) {
             self.say(format_args!("all motion stops"));
@@ -553,25 +702,30 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         outcome
     }
 
+    /// Does something with the finger that is named, or else with all, and says of which it `is` done.
     fn each_finger<'l>(
         &mut self,
         words: &mut Words<'l>,
+        is: &str,
         mut work: impl FnMut(&mut Servos<'r, 'p, M>, usize) -> Result<(), Problem<'static>>,
     ) -> Result<(), Problem<'l>> {
         let only = words.finger(self.hand)?;
         words.end()?;
-        let mut outcome = Ok(());
+        let mut done = 0;
         let fingers = 0..self.hand.fingers.len();
         for finger in fingers.filter(|&it| only.is_none_or(|only| only == it)) {
-            let done = work(&mut self.servos, finger);
-            if only.is_some() {
-                outcome = done;
-            } else if let Err(problem) = done {
+            match work(&mut self.servos, finger) {
+                Ok(()) => done |= 1 << finger,
+                Err(problem) if only.is_some() => return Err(problem),
                 // One that cannot does not keep the others from it.
-                self.say(format_args!("{problem}"));
+                Err(problem) => self.complain(&problem),
             }
         }
-        outcome
+        if done != 0 {
+            let names = names(self.hand, done);
+            self.say(format_args!("{names}: {is}"));
+        }
+        Ok(())
     }
 
     /// Checks that all fingers of a mask follow.
@@ -640,25 +794,26 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             position,
             pace: seconds.map_or(Pace::Speed(0.1), Pace::Duration),
         };
-        check(self.hand, [one.motion()?])?;
+        check(self.hand, [one.motion()?]).map_err(Problem::alone)?;
         self.enqueue(Work::Joint(one))
     }
 
     fn save<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let mut rest = words.peek();
-        if rest.next().is_some() {
-            let name = words.name()?;
-            words.end()?;
-            self.player.name_kept(name);
-        }
+        let given = match words.peek().next() {
+            Some(_) => Some(words.name()?),
+            None => None,
+        };
+        words.end()?;
         if self.player.kept.is_empty() {
             return Err(Problem::Nothing);
         }
         let title = self.player.kept_title.clone();
-        self.store.save(&title, &self.player.kept)?;
+        let name = given.unwrap_or(&title);
+        self.store.save(name, &self.player.kept)?;
+        self.player.name_kept(name);
         self.player.is_recording = false;
-        let count = self.player.kept.motions().map_or(0, |it| it.len());
-        self.say(format_args!("{title}: {count} motions saved"));
+        let count = MotionCount(self.player.kept.motions().map_or(0, |it| it.len()));
+        self.say(format_args!("{name}: {count} saved"));
         Ok(())
     }
 
@@ -676,10 +831,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             words.next();
             request
         } else {
-            let to = words.three("a position, m")?;
-            let speed = words
-                .positive("a speed above 0, at most 1")?
-                .unwrap_or(speed);
+            let to = self.place_of_table(words)?;
+            let word = words.peek().next().unwrap_or_default();
+            let speed = words.positive(SPEED)?.unwrap_or(speed);
+            if speed > 1.0 {
+                return Err(Problem::Not { word, what: SPEED });
+            }
             TableRequest::Move { to, speed }
         };
         words.end()?;
@@ -688,11 +845,37 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         Ok(())
     }
 
+    /// The next three words as a position within the limits of the table, m.
+    fn place_of_table<'l>(&self, words: &mut Words<'l>) -> Result<[f64; 3], Problem<'l>> {
+        let mut to = [0.0; 3];
+        let names = ["X of the table", "Y of the table", "Z of the table"];
+        for (axis, (to, name)) in to.iter_mut().zip(names).enumerate() {
+            let what = "a position, m";
+            let entry = self.hand.table.as_ref().and_then(|it| it.axes.get(axis));
+            *to = match entry.map(|entry| (entry.limits.low, entry.limits.high)) {
+                Some((low, high)) => {
+                    let unit = "m";
+                    let range = NumberRange {
+                        name,
+                        unit,
+                        low,
+                        high,
+                    };
+                    words.within(what, range)?
+                }
+                None => words.number(what)?,
+            };
+        }
+        Ok(to)
+    }
+
     fn ball<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         if words.peek().next() == Some("none") {
             words.next();
             words.end()?;
-            return self.others.plant(&PlantRequest::RemoveBall);
+            self.others.plant(&PlantRequest::RemoveBall)?;
+            self.say(format_args!("there is no ball any more"));
+            return Ok(());
         }
         let former = self.others.ball;
         let radius = words.maybe_within("a radius, m", NumberRange::RADIUS)?;
@@ -713,6 +896,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             mass: ball.mass,
         })?;
         self.others.ball = ball;
+        let [radius, mass] = [ball.radius, ball.mass].map(Decimal);
+        let [x, y, z] = ball.center.map(Decimal);
+        self.say(format_args!(
+            "a ball of {radius} m and {mass} kg is held at {x} {y} {z} m from the palm until `letgo`"
+        ));
         Ok(())
     }
 
@@ -721,6 +909,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let what = "position, flexor or extensor";
         let word = words.word(what)?;
         words.end()?;
+        let name = JointName(self.hand, self.numbers.number(finger, joint));
         let (finger, joint) = (finger as u32, joint as u32);
         let cut = |which| PlantRequest::CutTendon {
             finger,
@@ -736,6 +925,16 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             "flexor" => cut(PlantTarget::Flexor),
             "extensor" => cut(PlantTarget::Extensor),
             _ => return Err(Problem::Not { word, what }),
-        })
+        })?;
+        if word == "position" {
+            self.say(format_args!(
+                "the position sensor of {name} stays as it is; `clear` mends it"
+            ));
+        } else {
+            self.say(format_args!(
+                "the {word} of {name} is cut; `clear` mends it"
+            ));
+        }
+        Ok(())
     }
 }

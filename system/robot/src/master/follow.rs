@@ -101,7 +101,7 @@ impl<M: Machine> Follow<M> {
             && let Some(joint) = finger.joints.get(worst.joint)
         {
             say(format_args!(
-                "{}: largest tracking error {:.2} deg, at {}.{}, whose rms error is {:.2} deg",
+                "{}: largest tracking error {:.2} deg, at {}.{} (rms {:.2} deg)",
                 run.title,
                 Decimal(worst.peak_rad.to_degrees()),
                 finger.name,

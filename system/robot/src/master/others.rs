@@ -189,7 +189,7 @@ impl<'r, M: Machine> Others<'r, M> {
                 }
                 background.serve(NAP)?;
             }
-            missing = Problem::NotSeen(plant.number);
+            missing = Problem::NotSeen;
         }
         Err(missing)
     }

@@ -1,13 +1,13 @@
 //! [`Player`]: the motion that runs, and the one that is recorded.
 
-use core::fmt::{Arguments, Write as _};
+use core::fmt::{self, Arguments, Write as _};
 
-use condor_hand::ImageError;
 use condor_hand::trajectory::image::MotionSequence;
 use condor_hand::trajectory::{
     Happening, MotionEnd, MotionError, MotionGuard, MotionProgress, MotionTicket, ProfileLimits,
     StreamEnd, Target,
 };
+use condor_hand::{ImageError, Subject};
 
 use super::drive::{ALL, Drive, Motion, SharedDrive, with};
 use super::sequence::Sequence;
@@ -140,7 +140,7 @@ impl Player {
     /// # Errors
     /// Returns the [`Problem`] if the robot cannot make one of the motions, or if there is none.
     pub(super) fn fingers(&self, hand: &RobotDescription) -> Result<u32, Problem<'static>> {
-        let motions = self.running.motions().map_err(Problem::Recording)?;
+        let motions = self.running.motions().map_err(Problem::Offered)?;
         check(hand, motions.iter())
     }
 
@@ -209,7 +209,8 @@ impl Player {
         if let Err(error) = self.feed(hand, shared) {
             let number = self.next + 1;
             say(format_args!(
-                "motion {number} is not possible, so the sequence stops: {error}"
+                "motion {number} is not possible, so the sequence stops: {}",
+                Named(hand, error)
             ));
             return Some(self.break_off(shared, RefusalReason::FromHere));
         }
@@ -232,7 +233,8 @@ impl Player {
             let reason = match event.happening {
                 Happening::Refused(error) => {
                     say(format_args!(
-                        "a motion of the sequence is not possible from the present position: {error}"
+                        "a motion of the sequence is not possible from the present position: {}",
+                        Named(hand, error)
                     ));
                     RefusalReason::FromHere
                 }
@@ -313,6 +315,22 @@ impl Player {
         let title = self.title.take().unwrap_or_default();
         self.stop();
         (title, RequestState::Aborted, reason)
+    }
+}
+
+/// The error of a motion, with the name of its joint.
+struct Named<'h>(&'h RobotDescription, MotionError);
+
+impl fmt::Display for Named<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(hand, error) = *self;
+        if let MotionError::Number(mut error) = error
+            && let Subject::Joint(joint) = error.at
+        {
+            error.at = Subject::Whole;
+            return write!(f, "{}: {error}", JointName(hand, joint.into()));
+        }
+        error.fmt(f)
     }
 }
 

@@ -170,15 +170,20 @@ impl<'r, M: Machine> Requests<'r, M> {
     /// Has the terminal in control, if nobody else is or `from_other`.
     pub(super) fn take_control(&mut self, from_other: bool) -> Result<(), Problem<'static>> {
         self.keeps_control |= from_other;
-        let in_control = self.server.change(|queue, _| {
+        let other = self.server.change(|queue, _| {
             queue.take_control(OWN, from_other);
-            Ok(queue.in_control())
+            Ok(match queue.in_control() {
+                InControl::Session(session) => Some((session, queue.ledger().owner(session))),
+                InControl::Program | InControl::Nobody => None,
+            })
         })?;
-        match in_control {
-            Some(InControl::Program) => Ok(()),
-            Some(other) => {
+        match other {
+            Some(None) => Ok(()),
+            Some(Some((session, owner))) => {
                 self.keeps_control = false;
-                Err(Problem::InControl(other))
+                // A number of a processor has one byte.
+                let processor = Processor(owner.unwrap_or_default().processor as u8);
+                Err(Problem::InControl { processor, session })
             }
             None => Err(Problem::NoQueue),
         }

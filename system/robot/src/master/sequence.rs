@@ -7,13 +7,12 @@ use condor_hand::trajectory::image::{MotionSequence, append};
 use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
-use super::words::{Path, Problem};
+use super::words::{MOTIONS, Path, Problem};
 use crate::file;
 
 /// The greatest size of a compiled sequence of motions that the master can run, in bytes.
 pub const MOTION_BYTES: usize = 8192;
 /// The directory of the sequences.
-const DIRECTORY: &str = "motions";
 /// The suffix of their names.
 const SUFFIX: &str = ".motion";
 
@@ -85,7 +84,7 @@ impl<M: Machine> Store<'_, M> {
         let options = OpenOptions::new().read();
         into.len = match file::read(self.0, &path, options, &mut into.bytes) {
             Ok(len) => len,
-            Err(error) => return Err(Problem::File { name: path, error }),
+            Err(error) => return Err(Problem::of_file(path, error)),
         };
         if let Err(error) = MotionSequence::<ALL>::new(into.joints, into.bytes()) {
             into.clear();
@@ -94,11 +93,16 @@ impl<M: Machine> Store<'_, M> {
         Ok(())
     }
 
-    /// Writes a sequence: under another name first, so that a name never has half of one.
+    /// Writes a sequence: under another name first, so that a name never has half of one. A file that is there stays.
     pub(super) fn save(&self, name: &str, from: &Sequence) -> Result<(), Problem<'static>> {
         let (path, half) = (path(name, SUFFIX), path(name, ".half"));
+        match self.0.open(&path, OpenOptions::new().read()) {
+            Ok(_) => return Err(Problem::Exists(path)),
+            Err(error) if error.errno() == Some(Errno::NOENT) => {}
+            Err(error) => return Err(Problem::of_file(path, error)),
+        }
         let write = || {
-            match self.0.make_directory(DIRECTORY) {
+            match self.0.make_directory(MOTIONS) {
                 Err(error) if error.errno() != Some(Errno::EXIST) => return Err(error),
                 _ => {}
             }
@@ -116,7 +120,7 @@ impl<M: Machine> Store<'_, M> {
     /// The names of all sequences.
     pub(super) fn list(&self, mut each: impl FnMut(&str)) -> Result<(), Problem<'static>> {
         let mut list = || {
-            let mut directory = self.0.open_directory(DIRECTORY)?;
+            let mut directory = self.0.open_directory(MOTIONS)?;
             let mut name = [0; 255];
             while let Some(entry) = directory.next(&mut name)? {
                 let name = core::str::from_utf8(entry.name).unwrap_or("");
@@ -130,7 +134,7 @@ impl<M: Machine> Store<'_, M> {
         outcome.map_err(|error| {
             let mut name = Path::new();
             // There is room.
-            let _ = name.push_str(DIRECTORY);
+            let _ = name.push_str(MOTIONS);
             Problem::File { name, error }
         })
     }
@@ -139,7 +143,7 @@ impl<M: Machine> Store<'_, M> {
 /// The path of a sequence; names are short enough.
 fn path(name: &str, suffix: &str) -> Path {
     let mut path = Path::new();
-    for part in [DIRECTORY, "/", name, suffix] {
+    for part in [MOTIONS, "/", name, suffix] {
         let _ = path.push_str(part);
     }
     path

@@ -257,13 +257,24 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             return;
         };
         self.has_lost |= kept.as_ref().is_some_and(follows) && !follows(&status);
+        let holds = |it: &ServoStatus<JOINTS>| it.modes.contains(&ServoMode::Grasp);
+        if kept.as_ref().is_some_and(holds) && !holds(&status) && status.fault.is_none() {
+            say(format_args!(
+                "{name} has left the grasp, and holds its position"
+            ));
+        }
         let (fault, refused) = match kept {
             Some(former) => (former.fault, former.refused_set_points),
             None => (None, status.refused_set_points),
         };
         match status.fault {
             Some(now) if status.fault != fault => {
-                say(format_args!("{name} gave up: {now}; `enable` restarts it"));
+                let remedy = now.code.remedy();
+                let fault = self.hand.fingers.get(finger).map(|it| now.of(it));
+                if let Some(fault) = fault {
+                    say(format_args!("{name} has a fault: {fault}"));
+                    say(format_args!("  {remedy}; then `enable {name}`"));
+                }
             }
             _ => {}
         }
@@ -343,7 +354,10 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         ))
     }
 
-    fn refresh(&mut self, finger: usize) -> Result<ServoStatus<JOINTS>, Problem<'static>> {
+    pub(super) fn refresh(
+        &mut self,
+        finger: usize,
+    ) -> Result<ServoStatus<JOINTS>, Problem<'static>> {
         let status = self.ask(finger, |client, finger, timeout| {
             client.status(finger, timeout)
         })??;
@@ -382,8 +396,8 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 status = self.refresh(finger)?;
             }
             if let Some(fault) = status.fault {
-                let finger = name;
-                return Err(Problem::Fault { finger, fault });
+                let (finger, code) = (name, fault.code);
+                return Err(Problem::Fault { finger, code });
             }
             if status.is_resting {
                 return Err(Problem::Resting(name));
@@ -458,7 +472,22 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         });
         self.refresh(finger)?;
         self.tell_loop();
-        Ok(outcome??)
+        self.explained(finger, outcome?)
+    }
+
+    /// Returns the outcome of a request about a finger, with its name.
+    fn explained(
+        &self,
+        finger: usize,
+        outcome: Result<(), ClientError>,
+    ) -> Result<(), Problem<'static>> {
+        match outcome {
+            Err(ClientError::Refused(ServoRefusal::AfterFault)) => {
+                let name = self.hand.fingers.get(finger).map(|it| it.name.clone());
+                Err(Problem::AfterFault(name.unwrap_or_default()))
+            }
+            outcome => Ok(outcome?),
+        }
     }
 
     /// Sets a target of a joint, and the mode of that target.
@@ -493,7 +522,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                     high,
                 })
             }
-            outcome => Ok(outcome?),
+            outcome => self.explained(finger, outcome),
         }
     }
 

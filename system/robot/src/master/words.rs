@@ -2,25 +2,26 @@
 
 use core::fmt;
 
-use condor_fs::FileError;
+use condor_fs::{Errno, FileError};
 use condor_hand::config::{Finger, Name};
 use condor_hand::controller::GuardStop;
 use condor_hand::decimal::Decimal;
 use condor_hand::grasp::GraspError;
 use condor_hand::grasp::distributed::GraspReason;
 use condor_hand::servo::TargetQuantity;
-use condor_hand::tendon::fault::FingerFault;
+use condor_hand::tendon::fault::FaultCode;
 use condor_hand::trajectory::{MotionError, MotionGuard};
 use condor_hand::{ImageError, NumberError};
-use condor_mbox::AccessError;
 use condor_mbox::exchange::ExchangeError;
+use condor_mbox::{AccessError, Processor};
 use condor_rt::supervisor::SupervisorError;
 use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
 
+use super::play::MotionName;
 use crate::RobotDescription;
 use crate::packet::ClientError;
-use crate::queue::{InControl, RefusalReason};
+use crate::queue::RefusalReason;
 use crate::{JOINTS, plant, table};
 
 /// The reason why a command is not done.
@@ -69,7 +70,7 @@ pub(super) enum Problem<'l> {
         value: f64,
         range: plant::NumberRange,
     },
-    #[error("{0} is not enabled: `enable` makes it hold its position")]
+    #[error("{0} is not enabled: `enable {0}` makes it hold its position")]
     NotEnabled(Name),
     #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` makes it hold its position")]
     OtherMode {
@@ -95,41 +96,53 @@ pub(super) enum Problem<'l> {
     },
     #[error("{0} is held by a grasp: type `release` first")]
     InGrasp(Name),
-    #[error("the position of {0} is not known: its processor does not run")]
-    NotMeasured(Name),
-    #[error("{finger} has a fault: {fault}")]
-    Fault { finger: Name, fault: FingerFault },
     #[error(
-        "the fault of {0} is cleared, but the finger still goes to its least tensions or stays there; try again"
+        "the position of {0} is not known: its processor does not run; `status` shows its number, `restart` starts it"
+    )]
+    NotMeasured(Name),
+    #[error("no motion runs: `run` begins one")]
+    NoMotion,
+    #[error("no finger holds the ball: `grasp` takes it")]
+    NoGrasp,
+    #[error("{finger} still has its fault ({kind}): {remedy}", kind = .code.name(), remedy = .code.remedy())]
+    Fault { finger: Name, code: FaultCode },
+    #[error("{0} rests after a fault: `enable {0}` makes it hold its position")]
+    AfterFault(Name),
+    #[error(
+        "the fault of {0} is cleared, but the finger has not come to its least tensions; wait, and `enable {0}` again"
     )]
     Resting(Name),
     #[error("a motion runs or waits: type `abort` first")]
     Running,
-    #[error("{0}: `control` takes control from it")]
-    InControl(InControl),
+    #[error("{processor} is in control, by session {session}: `control` takes control from it")]
+    InControl { processor: Processor, session: u32 },
     #[error("the motion is refused: {0}")]
     Refused(RefusalReason),
     #[error("the ledger of motions cannot be read or written yet, and nothing moves; try again")]
     NoQueue,
     #[error("{LEDGER}: {0}")]
     LedgerFile(#[from] RowError),
-    #[error("{LEDGER}: {0}")]
+    #[error("{LEDGER}: {0}, or remove the file, and the master makes a new one")]
     Ledger(ImageError),
-    #[error("no motion is recorded or loaded: give the name of a motion")]
+    #[error("no motion is in memory: `record` or `open` puts one there; `run MOTION` needs none")]
     Nothing,
     #[error("cannot read the motions: {0}")]
     Offered(ImageError<MotionError>),
     #[error("the motion moves joint {joint}, which the robot does not have")]
     NoSuchJoint { joint: u32 },
-    #[error("motion {number} is to stop at contact, but {finger} has no tactile sensor")]
+    #[error(
+        "motion {number} is to stop at contact, but {finger} has no tactile sensor; give it a guard of torque"
+    )]
     Guard { number: u32, finger: Name },
     #[error(
-        "motion {number}: {joint} cannot go to {value} rad; it may be {low} to {high} rad",
+        "{number}{joint} cannot go to {value} rad; it may be {low} to {high} rad",
+        number = MotionNumber(*.number),
         value = Decimal(*.value),
         low = Decimal(*.low),
         high = Decimal(*.high),
     )]
     Beyond {
+        /// From 1; 0 for a motion that is alone.
         number: u32,
         joint: heapless::String<136>,
         value: f64,
@@ -143,37 +156,55 @@ pub(super) enum Problem<'l> {
     #[error(transparent)]
     Supervisor(#[from] SupervisorError),
     #[error(
-        "processor {0} does not run its part of the robot (servos, table or simulation), which this command needs"
+        "processor {0} does not run its part of the robot (servos, table or simulation), which this command needs: \
+         `restart {0}` starts it"
     )]
     Absent(u8),
-    #[error("no processor simulates the robot, which this command needs")]
+    #[error(
+        "no processor simulates the robot, which this command needs: `restart` the one of the simulation, if there is one"
+    )]
     NoPlant,
-    #[error("nobody knows where the ball is: no processor measures its position")]
+    #[error(
+        "the position of the ball is not known: no processor measures it; `restart` the one of the simulation, if there is \
+         one"
+    )]
     NoCamera,
-    #[error("processor {0} has not seen the ball for 0.2 s")]
-    NotSeen(u8),
-    #[error("the robot has no table: its configuration has no processor for one")]
+    #[error("no ball is in sight: `ball` adds a simulated one")]
+    NotSeen,
+    #[error(
+        "the robot has no table: give its configuration `[[table.axes]]`, and a processor for them"
+    )]
     NoTable,
     #[error("the simulated robot refused the request: {0}")]
     Plant(plant::PlantRefusal),
     #[error("the table refused the request: {0}")]
     Table(table::TableRefusal),
     #[error(
-        "the fingers of processor {processor} have not carried out the grasp order: {reason}",
+        "{fingers} cannot take part in the grasp: {reason}",
         reason = .reason.as_str()
     )]
-    Grasp { processor: u8, reason: GraspReason },
-    #[error("{name}: {error}")]
+    Grasp {
+        fingers: NameList,
+        reason: GraspReason,
+    },
+    #[error("there is no file {0}: {remedy}", remedy = missing(.0))]
+    NoFile(Path),
+    #[error("there is a file {0} already: `save` with another name")]
+    Exists(Path),
+    #[error("{name}: {error}; {remedy}", remedy = again(.error))]
     File { name: Path, error: FileError },
-    #[error("{name}: {error}")]
+    #[error("{name}: {error}; `motions` lists others")]
     Image {
         name: Path,
         error: ImageError<MotionError>,
     },
-    #[error("cannot read the grasp from its file: {0}")]
-    GraspImage(#[from] ImageError<GraspError>),
-    #[error("cannot read the recorded motion: {0}")]
-    Recording(ImageError<MotionError>),
+    #[error("{name}: {error}; give the name of another grasp, or a stiffness")]
+    GraspImage {
+        name: Path,
+        error: ImageError<GraspError>,
+    },
+    #[error("the recording {0} has no room for this motion: type `save`, and `record` another one")]
+    Full(MotionName),
     #[error(transparent)]
     Motion(#[from] MotionError),
     #[error(transparent)]
@@ -218,6 +249,14 @@ impl Problem<'_> {
         place.map(|place| place + 1)
     }
 
+    /// The same of a motion that has no number, since it is the only one.
+    pub(super) fn alone(mut self) -> Self {
+        if let Self::Beyond { number, .. } = &mut self {
+            *number = 0;
+        }
+        self
+    }
+
     /// Returns true if the same may be possible a moment later.
     pub(super) fn is_passing(&self) -> bool {
         matches!(self, Self::File { error, .. } if error.errno().is_none())
@@ -226,15 +265,56 @@ impl Problem<'_> {
     /// Returns the reason why a motion that cannot run is refused.
     pub(super) const fn reason(&self) -> RefusalReason {
         match self {
-            Self::File { .. }
+            Self::NoFile(_)
+            | Self::File { .. }
             | Self::Image { .. }
             | Self::Nothing
             | Self::Offered(_)
-            | Self::Recording(_) => RefusalReason::NoMotion,
+            | Self::Full(_) => RefusalReason::NoMotion,
             Self::NotEnabled(_) | Self::InGrasp(_) | Self::OtherMode { .. } => {
                 RefusalReason::NotReady
             }
             _ => RefusalReason::Limits,
+        }
+    }
+}
+
+impl Problem<'_> {
+    /// The reason why a file of motions or grasps was not read or written.
+    pub(super) fn of_file(name: Path, error: FileError) -> Self {
+        match error.errno() {
+            Some(Errno::NOENT) => Self::NoFile(name),
+            _ => Self::File { name, error },
+        }
+    }
+}
+
+/// Returns the remedy for a file that is missing.
+fn missing(name: &str) -> &'static str {
+    if name.starts_with(MOTIONS) {
+        "`motions` lists those that are there"
+    } else {
+        "give a name of the directory `grasps`, or a stiffness"
+    }
+}
+
+/// Returns the remedy for a file that the host cannot read or write.
+fn again(error: &FileError) -> &'static str {
+    if error.errno().is_some() {
+        "look at this file in the directory that the host serves"
+    } else {
+        "try again"
+    }
+}
+
+/// The number of a motion before what is said of it; nothing for 0.
+struct MotionNumber(u32);
+
+impl fmt::Display for MotionNumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            0 => Ok(()),
+            number => write!(f, "motion {number}: "),
         }
     }
 }
@@ -272,7 +352,7 @@ impl fmt::Display for GuardText<'_> {
 /// The reason why a row is not written.
 #[derive(Clone, Copy, Debug, Error)]
 pub(super) enum RowError {
-    #[error(transparent)]
+    #[error("{0}; {remedy}", remedy = again(.0))]
     File(#[from] FileError),
     #[error("it has {found} bytes instead of {size}; the master writes a new one")]
     Length { found: u64, size: usize },
@@ -285,6 +365,8 @@ pub fn is_name(word: &str) -> bool {
     !word.is_empty() && word.len() <= NAME_BYTES && word.bytes().all(is_plain)
 }
 
+/// The directory of motions.
+pub(super) const MOTIONS: &str = "motions";
 /// The file of the ledger of motions.
 pub(super) const LEDGER: &str = "motions.ledger";
 /// The longest name of a motion.
@@ -295,6 +377,16 @@ pub(super) type Path = heapless::String<48>;
 
 /// Names that are there, as a sentence has them.
 pub(super) type NameList = heapless::String<128>;
+
+/// Lists the fingers of a mask.
+pub(super) fn names(hand: &RobotDescription, fingers: u64) -> NameList {
+    let entries = hand.fingers.iter().enumerate();
+    known(
+        entries
+            .filter(|(finger, _)| fingers >> finger & 1 != 0)
+            .map(|(_, it)| &it.name),
+    )
+}
 
 /// Lists names; what does not fit is left out.
 fn known<'n>(names: impl Iterator<Item = &'n Name>) -> NameList {
@@ -335,11 +427,6 @@ impl<'l> Words<'l> {
     pub(super) fn number(&mut self, what: &'static str) -> Result<f64, Problem<'l>> {
         let word = self.word(what)?;
         number(word, what)
-    }
-
-    /// The next three words as finite numbers, such as a vector has.
-    pub(super) fn three(&mut self, what: &'static str) -> Result<[f64; 3], Problem<'l>> {
-        Ok([self.number(what)?, self.number(what)?, self.number(what)?])
     }
 
     /// The next word as a number in a range.

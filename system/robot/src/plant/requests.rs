@@ -141,8 +141,8 @@ impl fmt::Display for PlantRefusal {
         f.write_str(match self {
             Self::Busy => "it is busy with another request: ask again",
             Self::NoSuchPart => "there is no such finger, joint, sensor or tendon",
-            Self::Number => "a number is out of its range",
-            Self::NoBall => "there is no ball",
+            Self::Number => "a number is out of its range, which `help` of the command tells",
+            Self::NoBall => "there is no ball: `ball` adds one",
         })
     }
 }

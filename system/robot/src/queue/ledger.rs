@@ -164,15 +164,15 @@ impl fmt::Display for RefusalReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::None => "no reason",
-            Self::Full => "the queue is full",
-            Self::NotInControl => "the session is not in control",
-            Self::NoMotion => "there is no such motion",
-            Self::Limits => "a position, a pace or a guard is not possible",
-            Self::NotReady => "a part that it moves is not ready",
+            Self::Full => "the queue is full; wait until one of its motions has ended",
+            Self::NotInControl => "the session is not in control; take control first",
+            Self::NoMotion => "there is no such motion; `motions` at the master's terminal lists those that are there",
+            Self::Limits => "a position, a pace or a guard is not possible; the master's terminal says which",
+            Self::NotReady => "a finger that it moves is not enabled; `enable` it at the master's terminal",
             Self::Command => "it was aborted",
-            Self::Failure => "a part that it moves has failed",
-            Self::FromHere => "it is not possible from where the robot was",
-            Self::Starved => "its points did not come in time",
+            Self::Failure => "a finger that it moves has failed; `status` says which, and what to do",
+            Self::FromHere => "it is not possible from where the robot was; the master's terminal says why",
+            Self::Starved => "its points did not come in time; send them earlier",
             Self::Withdrawn => "it was withdrawn",
         })
     }

@@ -38,7 +38,11 @@ impl LoopNews {
         {
             let name = &finger.name;
             match now {
-                Some(fault) if now != before => say(format_args!("fault of {name}: {fault}")),
+                Some(fault) if now != before => say(format_args!(
+                    "{name} has a fault: {}; {}",
+                    fault.of(finger),
+                    fault.code.remedy()
+                )),
                 None if before.is_some() => say(format_args!("{name} has no fault any more")),
                 _ => {}
             }

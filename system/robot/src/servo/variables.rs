@@ -6,6 +6,7 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use condor_hand::config::Finger;
 use condor_hand::controller::FingerTick;
 use condor_hand::servo::FingerReadings;
+use condor_hand::tendon::fault::FaultCode;
 use condor_vars::{ValueKind, VarDescription, Watch};
 
 use super::ServedFingers;
@@ -38,8 +39,23 @@ const FINGER: [(&str, &str, &str); 3] = [
         "",
         "A bit for each joint whose tendons cannot give the torque that it needs.",
     ),
-    ("fault", "", "Code of the fault plus 1; 0 without a fault."),
+    (
+        FAULT,
+        "",
+        "The kind of the fault that the finger has; its processor's terminal says more.",
+    ),
 ];
+const FAULT: &str = "fault";
+/// The texts of the values of [`FAULT`].
+const FAULTS: [&str; FaultCode::ALL.len() + 1] = {
+    let mut names = ["none"; FaultCode::ALL.len() + 1];
+    let mut code = 0;
+    while code < FaultCode::ALL.len() {
+        names[code + 1] = FaultCode::ALL[code].name();
+        code += 1;
+    }
+    names
+};
 const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
 
 /// The variables of the servo loop about its fingers, under names such as `index.proximal.flexor.tension`.
@@ -137,6 +153,7 @@ impl Watch for Variables<'_> {
 
     fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
         let (kind, unit, about) = match self.part(index)?.1 {
+            Part::Finger(&(FAULT, unit, about)) => (ValueKind::Choice, unit, about),
             Part::Finger(&(_, "", about)) => (ValueKind::U32, "", about),
             Part::Joint(_, &(_, unit, about)) | Part::Finger(&(_, unit, about)) => {
                 (ValueKind::F32, unit, about)
@@ -146,7 +163,10 @@ impl Watch for Variables<'_> {
             kind,
             unit,
             about,
-            labels: &[],
+            labels: match kind {
+                ValueKind::Choice => &FAULTS,
+                _ => &[],
+            },
             bounds: [[0; 2]; 2],
         })
     }
@@ -182,9 +202,18 @@ mod tests {
             .map(|index| {
                 let mut name = String::new();
                 variables.name(index, &mut name).unwrap();
-                let kind = variables.describe(index).unwrap().kind;
-                let is_count = name.ends_with("fault") || name.ends_with("saturated");
-                assert_eq!(kind == ValueKind::U32, is_count, "{name}");
+                let described = variables.describe(index).unwrap();
+                let kind = match name.rsplit('.').next().unwrap() {
+                    "fault" => ValueKind::Choice,
+                    "saturated" => ValueKind::U32,
+                    _ => ValueKind::F32,
+                };
+                assert_eq!(described.kind, kind, "{name}");
+                let label = described.labels.get(FaultCode::Slack as usize + 1);
+                assert_eq!(
+                    label.is_some_and(|it| *it == "slack"),
+                    kind == ValueKind::Choice
+                );
                 name
             })
             .collect();

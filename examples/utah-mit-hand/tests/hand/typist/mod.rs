@@ -51,6 +51,11 @@ pub(crate) fn grasps() -> std::path::PathBuf {
     motions().with_file_name("grasps")
 }
 
+/// How the master begins to say why something is not done.
+pub(crate) const REFUSED: &str = "error: ";
+/// The prompt of the master, and what removes it.
+const PROMPTS: [&str; 2] = ["\r> \x1b[K", "\r\x1b[K"];
+
 type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, SimCriticalSection), PROCESSORS>;
 
 /// Who types, and sees everything.
@@ -62,8 +67,10 @@ pub(crate) struct Typist<'m> {
     pub(crate) files: &'m Path,
     stalled: &'m Mutex<Option<Stalled>>,
     reader: Option<TerminalReader<LinuxWindow>>,
-    /// What the master's terminal has shown.
+    /// What the master's terminal has shown, without its prompts.
     pub(crate) shown: String,
+    /// What may be the beginning of a prompt.
+    begun: String,
     former: Option<DesiredPositions>,
     /// The set-points of all joints, at each tick of the trajectories.
     pub(crate) wanted: Vec<[[f64; JOINTS]; FINGERS]>,
@@ -125,11 +132,13 @@ pub(crate) fn run_with<R: Send>(
             })
             .unwrap();
     }
-    system
-        .host(TABLE, move |machine| {
-            live(machine, &Table::<Rack>::new(), lives)
-        })
-        .unwrap();
+    if hand.table.is_some() {
+        system
+            .host(TABLE, move |machine| {
+                live(machine, &Table::<Rack>::new(), lives)
+            })
+            .unwrap();
+    }
     system
         .host(PLANT, move |machine| {
             live(machine, &Plant::<Rack>::new(), lives)
@@ -153,6 +162,7 @@ pub(crate) fn run_with<R: Send>(
                 stalled: &stalled,
                 reader: None,
                 shown: String::new(),
+                begun: String::new(),
                 former: None,
                 wanted: Vec::new(),
                 rates: Vec::new(),
@@ -324,7 +334,15 @@ impl Typist<'_> {
         while let Some(reader) = &mut self.reader {
             match reader.fetch(&mut bytes) {
                 Ok(fetched) if fetched.len > 0 => {
-                    let text = String::from_utf8_lossy(&bytes[..fetched.len]);
+                    self.begun += &String::from_utf8_lossy(&bytes[..fetched.len]);
+                    let last = self.begun.rfind('\r').unwrap_or(self.begun.len());
+                    let is_begun = |whole: &&str| whole.starts_with(&self.begun[last..]);
+                    let is_part = PROMPTS.iter().any(is_begun);
+                    let whole = if is_part { last } else { self.begun.len() };
+                    let mut text: String = self.begun.drain(..whole).collect();
+                    for prompt in PROMPTS {
+                        text = text.replace(prompt, "");
+                    }
                     self.shown += &text.replace('\r', "");
                     reader.acknowledge(fetched.len).unwrap();
                 }
@@ -397,6 +415,15 @@ impl Typist<'_> {
         shown.strip_prefix(&echo).unwrap_or(&shown).to_owned()
     }
 
+    /// Types a line that the master obeys.
+    pub(crate) fn does(&mut self, line: &str) {
+        let said = self.says(line);
+        assert!(
+            !said.is_empty() && !said.contains(REFUSED),
+            "{line}: {said}"
+        );
+    }
+
     /// Waits until all processors are there.
     pub(crate) fn begin(&mut self) {
         self.expect("processor 1 controls index and middle", 5.0);
@@ -440,6 +467,18 @@ impl Typist<'_> {
             PeerState::Up { incarnation, .. } => Some(incarnation),
             _ => None,
         }
+    }
+
+    /// Ends a program for good.
+    pub(crate) fn ends(&mut self, number: Processor) {
+        self.ends[number.index()].store(0, Relaxed);
+        while matches!(
+            self.mailbox.peer_state(number).unwrap(),
+            PeerState::Up { .. }
+        ) {
+            self.wait(0.02);
+        }
+        self.wait(0.3);
     }
 
     /// Ends the present incarnation of the file service; the next one begins a moment later.

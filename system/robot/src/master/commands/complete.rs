@@ -7,8 +7,8 @@ use condor_rt::{Machine, numbers};
 use condor_vars::{TableEntry, VariableTable};
 
 use super::super::words::Words;
-use super::list::find;
-use super::{COMMANDS, Commands};
+use super::list::{all, find};
+use super::{Commands, GROUPS};
 use crate::JOINTS;
 
 /// The function that takes each word that may stand there.
@@ -27,14 +27,15 @@ impl<M: Machine> Commands<'_, '_, M> {
             .unwrap_or("");
         let mut words = Words::of(done);
         let Some(word) = words.next() else {
-            return COMMANDS.iter().for_each(|command| offer(command.name));
+            return all(GROUPS).for_each(|command| offer(command.name));
         };
-        let Some(command) = find(COMMANDS, word) else {
+        let Some(command) = find(GROUPS, word) else {
             return;
         };
         for what in command.choices(words.peek().count()) {
             match what {
-                "COMMAND" => COMMANDS.iter().for_each(|command| offer(command.name)),
+                "GROUP" => GROUPS.iter().for_each(|group| offer(group.name)),
+                "COMMAND" => all(GROUPS).for_each(|command| offer(command.name)),
                 "FINGER" => {
                     let fingers = self.hand.fingers.iter();
                     fingers.for_each(|finger| offer(&finger.name));

@@ -14,7 +14,9 @@ use super::Commands;
 
 /// The columns of a line.
 const LINE: usize = 79;
-const LAW: &str = "the name of a law";
+/// A text that is shorter than a line.
+type Text = heapless::String<LINE>;
+const LAW: &str = "a law: pd or computed-torque";
 
 impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn gains<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -37,7 +39,9 @@ impl<M: Machine> Commands<'_, '_, M> {
             return gains.show(|line| self.say(format_args!("{line}")));
         }
         while let Some(name) = words.next() {
-            gains.set(name, words)?;
+            let value = words.peek().next().unwrap_or_default();
+            let former = gains.set(name, words)?;
+            self.say(format_args!("{}{name}: {former} -> {value}", gains.prefix));
         }
         Ok(())
     }
@@ -58,7 +62,8 @@ impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
         name.filter(|_| entry.bounds.is_some())
     }
 
-    fn set<'l>(&mut self, name: &'l str, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+    /// Sets a gain to the value that is the next word; returns the text of the former one.
+    fn set<'l>(&mut self, name: &'l str, words: &mut Words<'l>) -> Result<Text, Problem<'l>> {
         let mut found = None;
         for entry in self.table.entries() {
             found = found.or(Some(entry?).filter(|entry| self.name(entry) == Some(name)));
@@ -90,7 +95,22 @@ impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
         let former = self.client.get(&self.table, &entry, ANSWER)?;
         self.client
             .set(&self.table, &entry, former, value, ANSWER)?;
-        Ok(())
+        self.text(&entry, former)
+    }
+
+    /// Returns a value as a text; an empty one if a gain cannot have it.
+    fn text(&self, entry: &TableEntry, value: AnyValue) -> Result<Text, Problem<'static>> {
+        let mut text = Text::new();
+        // A value is shorter than a line.
+        let _ = match value {
+            AnyValue::F64(value) => write!(text, "{}", Decimal(value)),
+            AnyValue::Choice(number) => {
+                let label = self.table.label(entry, number)?;
+                text.write_str(label.as_deref().unwrap_or("?"))
+            }
+            _ => Ok(()),
+        };
+        Ok(text)
     }
 
     /// Shows all, as many in a line as it has room for.
@@ -101,16 +121,10 @@ impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
             let Some(name) = self.name(&entry) else {
                 continue;
             };
-            let mut text = heapless::String::<LINE>::new();
+            let value = self.client.get(&self.table, &entry, ANSWER)?;
+            let mut text = Text::new();
             // A gain and its value are shorter than a line.
-            let _ = match self.client.get(&self.table, &entry, ANSWER)? {
-                AnyValue::F64(value) => write!(text, "{name} {}", Decimal(value)),
-                AnyValue::Choice(number) => {
-                    let label = self.table.label(&entry, number)?;
-                    write!(text, "{name} {}", label.as_deref().unwrap_or("?"))
-                }
-                _ => continue,
-            };
+            let _ = write!(text, "{name} {}", self.text(&entry, value)?);
             if line.len() + 2 + text.len() > LINE {
                 say(&line);
                 line.clear();

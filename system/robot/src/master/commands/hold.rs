@@ -14,11 +14,13 @@ use condor_rt::Machine;
 use super::{Closing, Commands, FINGERS, Problem, Words, are_all, grasp, with};
 use crate::JOINTS;
 use crate::master::drive::OfServos;
-use crate::master::words::{Path, is_name, number};
+use crate::master::words::{Path, is_name, names, number};
 use crate::{file, objects};
 
 /// The stiffness of a ball, N/m, unless the command has one.
 const STIFFNESS: f64 = 200.0;
+/// The greatest stiffness that a person can type, N/m: more can only be a mistake.
+const MOST_STIFF: f64 = 1e4;
 /// The ratio of the damping to the stiffness, s.
 const DAMPING: f64 = 0.02;
 /// The ratio of the stiffness about an axis to that along one, m²: a lever of about the ball's radius.
@@ -36,7 +38,9 @@ impl<M: Machine> Commands<'_, '_, M> {
         words.end()?;
         self.requests.check_free()?;
         let settings = self.settings(word)?;
-        self.hold(&settings)?;
+        let fingers = self.hold(&settings)?;
+        let names = names(self.hand, fingers);
+        self.say(format_args!("{names}: closing on the ball"));
         let clock = self.background.machine().doorbell();
         let closes = Duration::try_from_secs_f64(settings.ramp_s + REST_S);
         self.closing = closes.ok().map(|closes| Closing {
@@ -60,8 +64,8 @@ impl<M: Machine> Commands<'_, '_, M> {
         Ok(())
     }
 
-    /// Orders a grasp of the ball where it is measured.
-    fn hold(&mut self, settings: &GraspSettings) -> Result<(), Problem<'static>> {
+    /// Orders a grasp of the ball where it is measured. Returns a bit for each finger that takes part.
+    fn hold(&mut self, settings: &GraspSettings) -> Result<u64, Problem<'static>> {
         let fingers = self.holding()?;
         let joints = with(self.shared, |drive| drive.measured);
         let mut all = [[0.0; JOINTS]; FINGERS];
@@ -76,16 +80,17 @@ impl<M: Machine> Commands<'_, '_, M> {
         let tips = grasp::tips(self.hand, &all);
         let seen = self.others.see(self.background)?;
         let ball = MeasuredBall::new(seen.position, seen.orientation, seen.radius_m);
-        self.order(&settings.order(fingers, &tips, &ball, &self.hand.gravity))
+        self.order(&settings.order(fingers, &tips, &ball, &self.hand.gravity))?;
+        Ok(fingers)
     }
 
     /// A number stands for a stiffness without coupling, and any other word for a file.
     fn settings<'l>(&self, word: Option<&'l str>) -> Result<GraspSettings, Problem<'l>> {
-        const WHAT: &str = "a stiffness above 0, N/m, or the name of a grasp";
+        const WHAT: &str = "a stiffness above 0, at most 10000 N/m, or the name of a grasp";
         let along = match word {
             None => STIFFNESS,
             Some(word) => match number(word, WHAT) {
-                Ok(along) if along > 0.0 => along,
+                Ok(along) if along > 0.0 && along <= MOST_STIFF => along,
                 Err(_) if is_name(word) => return self.load_grasp(word),
                 _ => return Err(Problem::Not { word, what: WHAT }),
             },
@@ -107,12 +112,13 @@ impl<M: Machine> Commands<'_, '_, M> {
         let mut image = [0; GraspSettings::IMAGE_BYTES + 1];
         let options = OpenOptions::new().read();
         match file::read(self.store.0, &path, options, &mut image) {
-            Err(error) => Err(Problem::File { name: path, error }),
-            Ok(len) => Ok(GraspSettings::from_image(image.get(..len).unwrap_or(&[]))?),
+            Err(error) => Err(Problem::of_file(path, error)),
+            Ok(len) => GraspSettings::from_image(image.get(..len).unwrap_or(&[]))
+                .map_err(|error| Problem::GraspImage { name: path, error }),
         }
     }
 
-    fn is_in_grasp(&self, finger: usize) -> bool {
+    pub(super) fn is_in_grasp(&self, finger: usize) -> bool {
         let status = self.servos.status(finger);
         status.is_some_and(|it| are_all(it, ServoMode::Grasp))
     }
@@ -167,8 +173,9 @@ impl<M: Machine> Commands<'_, '_, M> {
             match last {
                 None => return Err(Problem::Absent(processor)),
                 Some(report) if report.state != wanted => {
+                    let fingers = names(self.hand, self.servos.fingers(processor));
                     let reason = report.reason;
-                    return Err(Problem::Grasp { processor, reason });
+                    return Err(Problem::Grasp { fingers, reason });
                 }
                 Some(_) => {}
             }

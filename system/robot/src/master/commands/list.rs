@@ -2,6 +2,14 @@
 
 use core::fmt::{self, Display};
 
+/// Commands that `help` lists together.
+pub(in super::super) struct Group {
+    pub(in super::super) name: &'static str,
+    /// A word on what its commands do.
+    pub(in super::super) about: &'static str,
+    pub(in super::super) commands: &'static [Command],
+}
+
 /// A command, as `help` shows it.
 pub(in super::super) struct Command {
     pub(in super::super) name: &'static str,
@@ -12,18 +20,27 @@ pub(in super::super) struct Command {
     pub(in super::super) about: &'static str,
     /// A line that can be typed.
     pub(in super::super) example: &'static str,
+    /// What else a person should know: ranges of the words, and what is needed first. May be empty.
+    pub(in super::super) more: &'static str,
 }
 
-/// Makes the list `COMMANDS`, and `Commands::execute`, which calls a command by its name: the name,
-/// its words, what it does, an example, and the method.
+/// Makes the list `GROUPS`, and `Commands::execute`, which calls a command by its name: the name, its
+/// words, what it does, an example, the method, and what else there is to know.
 macro_rules! commands {
-    ($($name:literal $arguments:literal $about:literal $example:literal $method:ident;)*) => {
-        /// All commands, in the order of `help`.
-        pub(super) const COMMANDS: &[Command] = &[$(Command {
-            name: $name,
-            arguments: $arguments,
-            about: $about,
-            example: $example,
+    ($($group:literal: $summary:literal {
+        $($name:literal $arguments:literal $about:literal $example:literal $method:ident $more:literal;)*
+    })*) => {
+        /// All groups of commands, in the order of `help`.
+        pub(super) const GROUPS: &[Group] = &[$(Group {
+            name: $group,
+            about: $summary,
+            commands: &[$(Command {
+                name: $name,
+                arguments: $arguments,
+                about: $about,
+                example: $example,
+                more: $more,
+            }),*],
         }),*];
 
         impl<M: Machine> Commands<'_, '_, M> {
@@ -33,7 +50,7 @@ macro_rules! commands {
                 words: &mut Words<'l>,
             ) -> Result<(), Problem<'l>> {
                 match name {
-                    $($name => self.$method(words),)*
+                    $($($name => self.$method(words),)*)*
                     _ => Err(Problem::Command(name)),
                 }
             }
@@ -44,6 +61,8 @@ pub(super) use commands;
 
 /// The columns of a command and its words in the list.
 const COLUMNS: usize = 37;
+/// The columns of the name of a group.
+const GROUP: usize = 9;
 
 impl Command {
     /// Iterates over what may stand at a place among its words, from 0.
@@ -97,20 +116,36 @@ pub(super) struct Line(pub(super) &'static Command);
 impl Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(command) = self;
-        let written = command.name.len() + 1 + command.arguments.len();
+        let arguments = command.arguments.len();
+        let written = command.name.len() + arguments + usize::from(arguments > 0);
         let width = COLUMNS.saturating_sub(written);
         write!(f, "{command}{:width$} {}", "", command.about)
     }
 }
 
+impl Display for Group {
+    /// Shows its name, and those of its commands.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:<GROUP$}", self.name)?;
+        self.commands
+            .iter()
+            .try_for_each(|it| write!(f, " {}", it.name))
+    }
+}
+
+/// Returns the commands of all groups.
+pub(super) fn all(groups: &'static [Group]) -> impl Iterator<Item = &'static Command> {
+    groups.iter().flat_map(|group| group.commands)
+}
+
 /// Returns the command of a name.
-pub(in super::super) fn find(all: &'static [Command], name: &str) -> Option<&'static Command> {
-    all.iter().find(|command| command.name == name)
+pub(in super::super) fn find(groups: &'static [Group], name: &str) -> Option<&'static Command> {
+    all(groups).find(|command| command.name == name)
 }
 
 /// Returns the name that somebody probably meant; `None` if there is none like it.
-pub(in super::super) fn nearest(all: &'static [Command], word: &str) -> Option<&'static str> {
-    let ranked = all.iter().map(|it| (distance(word, it.name), it.name));
+pub(in super::super) fn nearest(groups: &'static [Group], word: &str) -> Option<&'static str> {
+    let ranked = all(groups).map(|it| (distance(word, it.name), it.name));
     let (least, name) = ranked.min()?;
     (least <= word.len().div_ceil(3)).then_some(name)
 }
@@ -153,17 +188,27 @@ fn distance(a: &str, b: &str) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::COMMANDS;
+    use super::super::GROUPS;
     use super::*;
 
     #[test]
     fn the_list_fits_a_small_terminal_and_each_example_is_of_its_command() {
-        for command in COMMANDS {
-            let line = Line(command).to_string();
-            assert!(line.chars().count() < 80, "{line}");
+        assert!(GROUPS.len() < 20);
+        for group in GROUPS {
+            assert!(
+                group.to_string().len() < 80 && group.commands.len() < 20,
+                "{group}"
+            );
+            assert!(find(GROUPS, group.name).is_none(), "{group}");
+        }
+        for command in all(GROUPS) {
+            for line in [Line(command).to_string(), command.more.to_owned()] {
+                assert!(line.chars().count() < 120, "{line}");
+            }
+            assert!(Line(command).to_string().chars().count() < 80);
             let example = command.example.split(' ').next();
             assert_eq!(example, Some(command.name));
-            let mut same = COMMANDS.iter().filter(|it| it.name == command.name);
+            let mut same = all(GROUPS).filter(|it| it.name == command.name);
             assert!(same.nth(1).is_none(), "{}", command.name);
         }
     }
@@ -171,7 +216,7 @@ mod tests {
     #[test]
     fn the_words_of_a_command_say_what_may_stand_where() {
         for (name, place, choices) in [
-            ("help", 0, &["COMMAND"][..]),
+            ("help", 0, &["GROUP", "COMMAND"][..]),
             ("to", 0, &["FINGER.JOINT"]),
             ("to", 3, &[]),
             ("status", 0, &[]),
@@ -181,9 +226,9 @@ mod tests {
             ("gains", 5, &["GAIN"]),
             ("table", 0, &["home", "stop", "off", "clear", "X"]),
             ("fault", 1, &["position", "flexor", "extensor"]),
-            ("load", 0, &["MOTION", "PROCESSOR"]),
+            ("load", 0, &["PROCESSOR"]),
         ] {
-            let command = find(COMMANDS, name).unwrap();
+            let command = find(GROUPS, name).unwrap();
             let found: Vec<_> = command.choices(place).collect();
             assert_eq!(found, choices, "{name} {place}");
         }
@@ -202,7 +247,7 @@ mod tests {
             ("x", None),
             ("restartrestartrestart", None),
         ] {
-            assert_eq!(nearest(COMMANDS, typed), meant, "{typed}");
+            assert_eq!(nearest(GROUPS, typed), meant, "{typed}");
         }
         assert_eq!(distance("abcd", "acbd"), 1);
         assert_eq!(distance("kitten", "sitting"), 3);

@@ -1,5 +1,8 @@
 //! The commands that give joints other modes, and the weight that shows them.
 
+use core::fmt::{self, Display};
+
+use condor_hand::decimal::Decimal;
 use condor_hand::servo::{JointTarget, ServoMode};
 use condor_hand::tendon::Pair;
 use condor_rt::Machine;
@@ -12,11 +15,11 @@ use crate::plant;
 /// up to 10 Hz have more.
 const DAMPING: f64 = 0.03;
 /// The modes that the command `mode` sets.
-const MODES: &str = "off, tension, torque, position or impedance; `grasp` takes the ball";
+const MODES: &str = "a mode: off, tension, torque, position or impedance";
 const STIFFNESS: &str = "a stiffness, N m/rad";
 const WEIGHT: &str = "a weight, kg";
 
-impl<M: Machine> Commands<'_, '_, M> {
+impl<'r, M: Machine> Commands<'r, '_, M> {
     /// A torque of one joint.
     pub(super) fn torque<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let (finger, joint) = words.joint(self.hand)?;
@@ -24,7 +27,10 @@ impl<M: Machine> Commands<'_, '_, M> {
         words.end()?;
         self.check_free(finger)?;
         self.servos
-            .set_target(finger, joint, &JointTarget::Torque(torque))
+            .set_target(finger, joint, &JointTarget::Torque(torque))?;
+        let (name, torque) = (self.named(finger, Some(joint)), Decimal(torque));
+        self.say(format_args!("{name} has a torque of {torque} N m"));
+        Ok(())
     }
 
     /// Tensions of the two tendons of one joint.
@@ -36,7 +42,13 @@ impl<M: Machine> Commands<'_, '_, M> {
         self.check_free(finger)?;
         let pair = Pair { flexor, extensor };
         self.servos
-            .set_target(finger, joint, &JointTarget::Tension(pair))
+            .set_target(finger, joint, &JointTarget::Tension(pair))?;
+        let name = self.named(finger, Some(joint));
+        let [flexor, extensor] = [flexor, extensor].map(Decimal);
+        self.say(format_args!(
+            "{name} has {flexor} N at its flexor and {extensor} N at its extensor"
+        ));
+        Ok(())
     }
 
     /// A stiffness and a damping of one joint, or of all joints of a finger.
@@ -71,6 +83,11 @@ impl<M: Machine> Commands<'_, '_, M> {
             };
             self.servos.set_target(finger, joint, &target)?;
         }
+        let name = self.named(finger, joint);
+        let [stiffness, damping] = [stiffness, damping].map(Decimal);
+        self.say(format_args!(
+            "{name} acts as a spring of {stiffness} N m/rad, {damping} N m s/rad"
+        ));
         Ok(())
     }
 
@@ -90,20 +107,31 @@ impl<M: Machine> Commands<'_, '_, M> {
         let mode = mode.into_iter().find(|mode| mode.name() == word);
         let mode = mode.ok_or(Problem::Not { word, what })?;
         self.check_free(finger)?;
-        self.servos.set_mode(finger, joint, mode)
+        self.servos.set_mode(finger, joint, mode)?;
+        let name = self.named(finger, joint);
+        self.say(format_args!("{name} is in the mode {word}"));
+        Ok(())
     }
 
     /// Hangs a weight on the tip of a finger of the simulated robot, in the place of any former one.
     pub(super) fn weight<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let word = words.word("FINGER")?;
-        let finger = Words::of(word).finger(self.hand)?;
+        let finger = Words::of(word).finger(self.hand)?.unwrap_or_default();
         let mass = words.within(WEIGHT, plant::NumberRange::WEIGHT)?;
         words.end()?;
         self.others.plant(&plant::PlantRequest::PushTip {
-            finger: finger.unwrap_or_default() as u32,
+            finger: finger as u32,
             force: self.hand.gravity.map(|gravity| mass * gravity),
             moment: [0.0; 3],
-        })
+        })?;
+        let mass = Decimal(mass);
+        self.say(format_args!("{mass} kg hang on the tip of {word}"));
+        Ok(())
+    }
+
+    /// Returns the name of a finger, or of one of its joints.
+    fn named(&self, finger: usize, joint: Option<usize>) -> FingerOrJoint<'r> {
+        FingerOrJoint(self.hand, finger, joint)
     }
 
     /// Checks that only this terminal, and no grasp, moves a finger; then the terminal is in control.
@@ -128,6 +156,20 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
         let name = self.hand.fingers.get(finger).map(|it| it.name.clone());
         Err(Problem::NotMeasured(name.unwrap_or_default()))
+    }
+}
+
+/// The name of a finger, or of one of its joints.
+struct FingerOrJoint<'r>(&'r RobotDescription, usize, Option<usize>);
+
+impl Display for FingerOrJoint<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(hand, finger, joint) = *self;
+        let name = hand.fingers.get(finger).map_or("", |it| &it.name);
+        match joint.and_then(|joint| hand.joint(finger, joint)) {
+            Some(joint) => write!(f, "{name}.{}", joint.name),
+            None => f.write_str(name),
+        }
     }
 }
 

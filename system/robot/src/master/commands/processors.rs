@@ -1,4 +1,4 @@
-//! The programs of processors, by the supervisor: `restart`, and `load` with a program.
+//! The programs of processors, by the supervisor: `restart` and `load`.
 
 use core::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use condor_rt::Machine;
 use condor_rt::supervisor::{Supervisor, SupervisorError, SupervisorTicket};
 
 use super::super::words::{Problem, Words};
-use super::Commands;
+use super::{Commands, ERROR};
 
 /// The orders of this terminal to the supervisor.
 pub(in super::super) struct Processors<'r, M: Machine> {
@@ -31,12 +31,8 @@ impl<M: Machine> Commands<'_, '_, M> {
         self.await_order(asked, "restart", processor)
     }
 
-    /// Loads a program: the words after the processor.
-    pub(super) fn load_program<'l>(
-        &mut self,
-        processor: &'l str,
-        words: &mut Words<'l>,
-    ) -> Result<(), Problem<'l>> {
+    pub(super) fn load<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let processor = words.word("a processor, by its number or name")?;
         let program = words.word("a program")?;
         self.check_no_order()?;
         let supervisor = &mut self.processors.supervisor;
@@ -59,7 +55,7 @@ impl<M: Machine> Commands<'_, '_, M> {
     ) -> Result<(), Problem<'static>> {
         let order = match asked {
             Err(SupervisorError::Refused) => {
-                self.say(format_args!("{}", self.processors.supervisor.reason()));
+                self.complain(&self.processors.supervisor.reason());
                 return Ok(());
             }
             asked => asked?,
@@ -81,9 +77,9 @@ impl<M: Machine> Commands<'_, '_, M> {
             Ok(true) => self.say(format_args!("{name}: done")),
             Err(SupervisorError::Refused) => {
                 let reason = self.processors.supervisor.reason();
-                self.say(format_args!("{name}: {reason}"));
+                self.say(format_args!("{ERROR}{name}: {reason}"));
             }
-            Err(error) => self.say(format_args!("{name}: {error}")),
+            Err(error) => self.say(format_args!("{ERROR}{name}: {error}")),
         }
     }
 }

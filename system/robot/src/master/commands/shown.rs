@@ -144,8 +144,18 @@ impl Display for MeasuredObject<'_> {
         let radius = Decimal(self.0.radius_m);
         write!(
             f,
-            "a ball of {radius:.4} m at {x:.4} {y:.4} {z:.4} m of the palm"
+            "a ball of {radius:.4} m at {x:.4} {y:.4} {z:.4} m from the palm"
         )
+    }
+}
+
+/// A number of motions.
+pub(super) struct MotionCount(pub(super) u32);
+
+impl Display for MotionCount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let s = if self.0 == 1 { "" } else { "s" };
+        write!(f, "{} motion{s}", self.0)
     }
 }
 

@@ -94,6 +94,8 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         let begun = self.begin_watch(chosen);
         if begun.is_err() {
             self.end_watch();
+        } else {
+            self.say(format_args!("any key ends the table"));
         }
         begun
     }
@@ -164,6 +166,11 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
             to,
             VARS,
         )?)
+    }
+
+    /// Returns true while the table is shown.
+    pub(in super::super) fn is_watching(&self) -> bool {
+        !self.watching.sources.is_empty()
     }
 
     /// Ends the table, if there is one.
