@@ -124,8 +124,8 @@ function fill() {
     if (cell.textContent !== text) cell.textContent = text;
   }
   const faults = variables.filter(it => /(^|\.)fault$/.test(it.name) && it.value());
-  const names = faults.map(it => `${it.label} is ${it.text(it.value())}`).join(', ');
-  const text = names ? `Fault: ${names}` : 'No variable tells of a fault.';
+  const names = faults.map(it => `${it.label.replace(/\.fault$/, '')} has a fault: ${it.text(it.value())}`).join('; ');
+  const text = names || 'No fault.';
   if (at('faults').textContent !== text) {
     at('faults').textContent = text;
     at('faults').className = names ? 'bad' : 'quiet';
