@@ -73,6 +73,7 @@
 //! ```
 
 mod check;
+mod fault_text;
 mod finger;
 mod hand;
 mod image;
@@ -86,6 +87,7 @@ mod wiring;
 
 #[cfg(feature = "text")]
 pub use condor_toml::TextError;
+pub use fault_text::FaultText;
 pub use finger::{
     Crossing, Finger, Form, Joint, JointFriction, JointMotion, JointServo, LinkBody, Mount,
     Placement, ServoLaw, Shape, SoftStopSettings, Tendon, Touch,

@@ -11,7 +11,7 @@ mod ramp;
 pub(crate) mod sensor;
 
 pub use crate::fault_code::FaultCode;
-pub use code::{FaultSite, FaultText, FingerFault};
+pub use code::{FaultSite, FingerFault};
 pub use finger::{FingerMonitor, Observation};
 pub use limits::{
     FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck, TendonFaultLimits,

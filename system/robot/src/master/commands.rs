@@ -12,12 +12,12 @@ use condor_rt::{Background, Machine, ProgramError};
 use super::drive::{SharedDrive, with};
 use super::follow::Follow;
 use super::others::{Ball, Others};
-use super::play::{MotionName, Player, Title, check};
+use super::play::{Player, Title, check};
 use super::queue::{JointMove, Requests, Work};
 use super::sequence::Store;
 use super::servos::Servos;
 use super::servos::are_all;
-use super::words::{Problem, Words, names};
+use super::words::{MotionName, Problem, Words, names};
 use crate::joints::{JointName, JointNumbers};
 use crate::master::Prompted;
 use crate::motions::MotionsEvent;
@@ -513,7 +513,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         if !is_held {
             return Err(Problem::NoGrasp);
         }
-        // They have left it by this order.
+        // The fingers have left the grasp by this order.
         for finger in 0..self.hand.fingers.len() {
             self.servos.refresh(finger)?;
         }

@@ -11,13 +11,11 @@ use condor_hand::{ImageError, Subject};
 
 use super::drive::{ALL, Drive, Motion, SharedDrive, with};
 use super::sequence::Sequence;
-use super::words::{GuardText, NAME_BYTES, Problem};
+use super::words::{GuardText, MotionName, Problem};
 use crate::RobotDescription;
 use crate::joints::{JointName, JointNumbers};
 use crate::queue::{RefusalReason, RequestState};
 
-/// The name of a motion's file, without its suffix.
-pub(super) type MotionName = heapless::String<NAME_BYTES>;
 /// The title of a motion.
 pub(super) type Title = heapless::String<136>;
 /// Motions that the generator has, or that it has ended since it was asked last.

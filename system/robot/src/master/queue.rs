@@ -6,8 +6,8 @@ use condor_mbox::{Clock, PeerState, Processor};
 use condor_rt::{Background, FilesOf, Machine, MailboxOf};
 
 use super::drive::{ALL, Motion};
-use super::play::{MotionName, check};
-use super::words::{Problem, is_name};
+use super::play::check;
+use super::words::{MotionName, Problem, is_name};
 use crate::RobotDescription;
 use crate::joints::JointNumbers;
 use crate::motions::{BODY_BYTES, MotionsEvent, MotionsPost, MotionsServer, Offer};

@@ -18,7 +18,6 @@ use condor_rt::supervisor::SupervisorError;
 use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
 
-use super::play::MotionName;
 use crate::RobotDescription;
 use crate::packet::ClientError;
 use crate::queue::RefusalReason;
@@ -370,7 +369,9 @@ pub(super) const MOTIONS: &str = "motions";
 /// The file of the ledger of motions.
 pub(super) const LEDGER: &str = "motions.ledger";
 /// The longest name of a motion.
-pub(super) const NAME_BYTES: usize = 24;
+const NAME_BYTES: usize = 24;
+/// The name of a motion's file, without its suffix.
+pub(super) type MotionName = heapless::String<NAME_BYTES>;
 
 /// The path of a file.
 pub(super) type Path = heapless::String<48>;

@@ -20,7 +20,7 @@ pub(in super::super) struct Command {
     pub(in super::super) about: &'static str,
     /// A line that can be typed.
     pub(in super::super) example: &'static str,
-    /// What else a person should know: ranges of the words, and what is needed first. May be empty.
+    /// The rest that a person should know: ranges of the words, and what is needed first. May be empty.
     pub(in super::super) more: &'static str,
 }
 
