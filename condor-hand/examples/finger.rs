@@ -77,7 +77,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let done = controller.tick(&sensed, &gravity, period_s);
         if let Some(fault) = done.fault {
-            return Err(fault.into());
+            return Err(fault.of(index).to_string().into());
         }
         write_finger(index, &done.output.command, |channel, counts| {
             let Some(wire) = hand.wire(channel) else {

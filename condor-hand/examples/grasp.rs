@@ -253,7 +253,7 @@ impl<const M: usize> Bench<M> {
         {
             let tick = finger.tick(&plant.readings(), &gravity, period_s);
             if let Some(fault) = tick.fault {
-                return Err(fault.into());
+                return Err(format!("{}: {}", fault.code, fault.code.remedy()).into());
             }
             *velocity = tick.output.velocity;
             *command = tick.output.command;

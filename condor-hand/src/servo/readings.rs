@@ -150,12 +150,14 @@ impl<T: Real, const N: usize> Readings<T, N> {
 
     /// Returns true if a joint can have moved this far, or be this far from its way, in this time, s. False for
     /// numbers that are not finite.
+    #[inline(always)]
     fn is_near(&self, lane: usize, moved: T, way: T, seconds: T) -> bool {
         let reach = self.change[lane] * seconds + real::<T>(NOISE) * self.resolution[lane];
         abs(moved - way) <= reach || abs(moved) <= reach
     }
 
     /// Returns true if the sensor shows the same as before.
+    #[inline(always)]
     fn stands(&self, lane: usize, gone: T) -> bool {
         abs(gone) < real::<T>(0.5) * self.resolution[lane]
     }

@@ -158,7 +158,7 @@ fn shown(log: &PathBuf, before: u64) -> Result<String, NamedFileError> {
 /// Kills the program of a processor.
 fn kill(directory: &SystemDirectory, name: &str) -> Result<(), AnyError> {
     let status = ControlClient::connect(directory)?.status()?;
-    let mut members = status.members().into_iter();
+    let mut members = status.members();
     let member = members.find(|member| member.name == name);
     let pid = member.and_then(|member| Pid::from_raw(member.pid?.cast_signed()));
     let pid =

@@ -263,7 +263,13 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Service { words }) => services::run(&words, application)?,
         Some(Command::Program { name, arguments }) => {
             if !application.programs().contains(&name.as_str()) {
-                tell(format_args!("this binary contains no program `{name}`"));
+                let known = match application.programs().join(", ") {
+                    none if none.is_empty() => "it contains none".into(),
+                    known => format!("it contains {known}"),
+                };
+                tell(format_args!(
+                    "this binary contains no program `{name}`; {known}"
+                ));
                 return Ok(ExitCode::from(2));
             }
             return Ok(application.run_program(&name, arguments));

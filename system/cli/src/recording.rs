@@ -105,13 +105,13 @@ pub enum RecordingError {
         source: McapError,
     },
     /// The file is not an MCAP file.
-    #[error("{} is not a recording: it does not begin as MCAP does", path.display())]
+    #[error("{} is not a recording: it does not begin as MCAP does; name another file", path.display())]
     NotMcap {
         /// The file.
         path: PathBuf,
     },
     /// A program writes the file at this moment.
-    #[error("{} is being recorded", path.display())]
+    #[error("{} is being recorded; end its recorder, or name another file", path.display())]
     InUse {
         /// The file.
         path: PathBuf,

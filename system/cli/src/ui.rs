@@ -16,6 +16,7 @@ mod log;
 mod look;
 mod menu;
 mod model;
+mod scroll;
 mod search;
 mod terminal;
 mod tool;
@@ -86,7 +87,7 @@ pub(crate) fn run(
         thread::spawn(move || {
             demo.play(&place, |caption| {
                 captions.send(UiEvent::Caption(caption)).is_ok()
-            })
+            });
         });
     }
     let mut screen = Screen::open()?;

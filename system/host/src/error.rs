@@ -1,5 +1,6 @@
 //! Errors that are shown to people.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// An error of any type. Its text is for people; callers do not distinguish its causes.
@@ -7,7 +8,7 @@ pub type AnyError = Box<dyn core::error::Error>;
 
 /// The error that the operating system refused an operation on a file. Its text names the operation and the file.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot {doing} {path:?}: {source}")]
+#[error("cannot {doing} {path:?}: {source}{}", remedy(.source))]
 pub struct NamedFileError {
     /// The operation, such as `open`.
     pub doing: &'static str,
@@ -15,6 +16,16 @@ pub struct NamedFileError {
     pub path: PathBuf,
     /// The error of the operating system.
     pub source: std::io::Error,
+}
+
+/// Returns the remedy for an error of the operating system, after a semicolon; empty for those without.
+pub(crate) fn remedy(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::NotFound | ErrorKind::NotADirectory => "; check the path",
+        ErrorKind::AlreadyExists => "; choose another path",
+        ErrorKind::PermissionDenied => "; check the permissions",
+        _ => "",
+    }
 }
 
 impl NamedFileError {

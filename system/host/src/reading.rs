@@ -11,7 +11,7 @@ use crate::application::Application;
 use crate::description::{
     ClockKind, ClockSpeed, Entry, Files, SystemDescription, TerminalSizes, beside,
 };
-use crate::error::AnyError;
+use crate::error::{AnyError, remedy};
 use crate::extension::{Extension, ExtensionPart, PROCESSES};
 use crate::gateway::GATEWAY;
 use crate::robot::Robot;
@@ -35,7 +35,7 @@ impl SystemDescription {
     pub fn read(file: impl AsRef<Path>, application: &dyn Application) -> Result<Self, TextErrors> {
         let file = file.as_ref();
         let text = read_text(file).map_err(|error| {
-            let fault = Misreading::from(format!("cannot read it: {error}"));
+            let fault = Misreading::from(format!("cannot read it: {error}{}", remedy(&error)));
             SourceText::new(&file.to_string_lossy(), "").error(fault)
         })?;
         Self::from_toml(&text, file, application)

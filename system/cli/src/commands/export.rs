@@ -11,7 +11,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use condor_platform::linux::WholeFile;
 
 use super::number::duration;
@@ -22,13 +22,14 @@ use curve::Curve;
 
 /// The arguments of `condor export`.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("output").args(["csv", "svg"]).required(true).multiple(true)))]
 pub(crate) struct Export {
     /// The file of the recording
     file: PathBuf,
     /// The names of variables, or patterns with `*` and `?`, as for `vars watch`; by default all
     names: Vec<String>,
     /// Writes a table (CSV) of all rows into this file
-    #[arg(long, value_name = "FILE", required_unless_present = "svg")]
+    #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Draws the variables over time into this file (SVG)
     #[arg(long, value_name = "FILE")]

@@ -4,6 +4,12 @@ use std::time::Duration;
 
 use jiff::SignedDuration;
 
+/// A number of lines of the command line.
+pub(crate) fn lines(text: &str) -> Result<usize, String> {
+    let count = text.parse();
+    count.map_err(|_| format!("`{text}` is not a number of lines: write one such as 100"))
+}
+
 /// A time of the command line.
 pub(crate) fn duration(text: &str) -> Result<Duration, String> {
     let wrong = |_| format!("`{text}` is not a time: write one such as 500ms, 10s or 2m");

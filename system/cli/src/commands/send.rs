@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Processor, layout};
+use condor_mbox::{LoadOrder, MailboxError, MemoryWindow, Messenger, Processor, layout};
 use serde::Serialize;
 
 use super::number::duration;
@@ -50,7 +50,16 @@ impl Send {
         let mut view = running.view()?;
         let vector = view.vector(member, &self.vector)?;
         let post = view.join()?;
-        let failed = |error| format!("{}, vector {}: {error}", member.name, vector.0);
+        let failed = |error| {
+            let name = &member.name;
+            let remedy = match error {
+                MailboxError::NoHandler { .. } => {
+                    format!("; `vectors {name}` shows those that have one")
+                }
+                _ => String::new(),
+            };
+            format!("{name}, vector {}: {error}{remedy}", vector.0)
+        };
         let reply = if self.reply {
             let reply = post.send_with_reply(to, vector, self.data, self.timeout);
             Some(reply.map_err(failed)?)

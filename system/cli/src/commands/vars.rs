@@ -119,8 +119,12 @@ impl Set {
         view.join()?;
         let known = VariableCatalog::all(&view, &running.status.processors)?;
         let one = known.parameter(name)?;
-        let new = one.of.parse(&self.value)?;
-        let from = self.from.as_deref().map(|text| one.of.parse(text));
+        let parse = |text| {
+            let value = one.of.parse(text);
+            value.map_err(|error| format!("`{name}`: {error}; it can be set to {}", choices(one)))
+        };
+        let new = parse(&self.value)?;
+        let from = self.from.as_deref().map(parse);
         let mut clients = Clients::new(&view);
         let before = clients.set(name, one, from.transpose()?, new)?;
         if self.how.json {
@@ -179,6 +183,7 @@ fn show<'s>(
 fn choices(one: &CatalogEntry) -> String {
     match one.entry.bounds {
         None => String::new(),
+        Some([AnyValue::Bool(false), AnyValue::Bool(true)]) => "true or false".into(),
         Some([AnyValue::Choice(least), AnyValue::Choice(greatest)]) => {
             let choices: Vec<_> = (least..=greatest)
                 .take(one.of.labels.len())

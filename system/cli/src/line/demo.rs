@@ -10,7 +10,6 @@ use super::{AnyError, Application, description, ui};
 use crate::demo::Demo;
 use crate::screen;
 use condor_host::description::SystemDescription;
-use condor_host::reading::robot_of;
 
 #[derive(Debug, Args)]
 pub(super) struct DemoArguments {
@@ -43,8 +42,7 @@ impl DemoArguments {
             None,
             &self.clock.words(),
             &self.tools,
-            robot_of(&file, application)?,
-            application.extensions(),
+            application,
             Some(demo),
         )
     }

@@ -65,6 +65,9 @@ pub(super) struct NewArguments {
     robot: bool,
 }
 
+/// The remedy for a wrong `--path`.
+const SOURCES: &str = "--path is the directory with Condor's source tree";
+
 impl NewArguments {
     pub(super) fn run(&self) -> Result<(), AnyError> {
         let (directory, condor) = (self.directory.display(), self.path.display());
@@ -75,14 +78,12 @@ impl NewArguments {
                  letters, digits and `-` alone"
             )
         })?;
-        let tree = fs::canonicalize(&self.path).map_err(|error| format!("`{condor}`: {error}"))?;
+        let tree = fs::canonicalize(&self.path)
+            .map_err(|error| format!("`{condor}`: {error}; {SOURCES}"))?;
         let template = if self.robot { ROBOT } else { PROCESSORS };
         let from = tree.join("examples").join(template.name);
         if !from.is_dir() {
-            let text = format!(
-                "`{condor}` is not Condor's source tree: it has no `examples/{}`",
-                template.name
-            );
+            let text = format!("`{condor}` has no `examples/{}`; {SOURCES}", template.name);
             return Err(text.into());
         }
         let plain = |path: &&str| !path.contains(['"', '\\']);

@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::AnyError;
 use crate::commands::SystemChoice;
+use crate::commands::number::lines as count_of_lines;
 use condor_host::control::{
     ControlClient, ControlClientError, ControlRequest, follow, from_here, told_of,
 };
@@ -39,7 +40,7 @@ pub(super) struct Log {
     #[arg(short, long)]
     follow: bool,
     /// The number of earlier lines to show
-    #[arg(short = 'n', long, default_value_t = 50)]
+    #[arg(short = 'n', long, default_value = "50", value_parser = count_of_lines)]
     lines: usize,
     /// Prints each line as JSON
     #[arg(long)]

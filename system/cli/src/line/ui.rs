@@ -15,10 +15,8 @@ use crate::screen;
 use crate::ui::{self, Tool};
 use condor_host::control::ControlClient;
 use condor_host::error::me;
-use condor_host::extension::Extension;
 use condor_host::plain::plain_lines;
 use condor_host::reading::robot_of;
-use condor_host::robot::Robot;
 use condor_host::supervisor::{self, stat};
 use condor_host::system::{self, SystemDirectory};
 
@@ -77,10 +75,10 @@ pub(super) fn up(
     limit: Option<Duration>,
     clock: &[OsString],
     tools: &Tools,
-    robot: Option<Box<dyn Robot>>,
-    extensions: &[&'static dyn Extension],
+    application: &dyn Application,
     demo: Option<Demo>,
 ) -> Result<ExitCode, AnyError> {
+    let robot = robot_of(file, application)?;
     let directory = SystemDirectory::of(name)?;
     let output = directory.path().join("output");
     let changed = || std::fs::metadata(directory.log()).and_then(|log| log.modified());
@@ -102,7 +100,13 @@ pub(super) fn up(
         }
         std::thread::sleep(LOOK);
     }
-    let outcome = ui::run(&directory, tools.all(), robot, extensions, demo);
+    let outcome = ui::run(
+        &directory,
+        tools.all(),
+        robot,
+        application.extensions(),
+        demo,
+    );
     if is_supervisor(&directory, pid) {
         outcome?;
         let me = me();

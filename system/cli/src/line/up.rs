@@ -16,7 +16,6 @@ use crate::screen;
 use condor_host::description::{ProcessorEntry, SystemDescription};
 use condor_host::error::tell;
 use condor_host::plain::plain_lines;
-use condor_host::reading::robot_of;
 use condor_host::services::terminals;
 use condor_host::supervisor::{self, SupervisorOptions, reaper};
 use condor_host::system::SystemDirectory;
@@ -95,7 +94,6 @@ pub(super) fn run(
     let typing = how.clock.script(&description)?;
     if !how.headless && !how.kept && screen::is_possible() {
         let words = how.clock.words();
-        let robot = robot_of(&file, application)?;
         let name = &description.name;
         return super::ui::up(
             &file,
@@ -103,8 +101,7 @@ pub(super) fn run(
             how.duration,
             &words,
             &how.tools,
-            robot,
-            application.extensions(),
+            application,
             None,
         );
     }

@@ -75,7 +75,9 @@ pub(super) struct Totals {
 impl Server {
     pub(super) fn bind(at: SocketAddr, rules: Rules, catalog: Catalog) -> Result<Self, AnyError> {
         let listener = TcpListener::bind(at);
-        let listener = listener.map_err(|error| format!("cannot listen at {at}: {error}"))?;
+        let listener = listener.map_err(|error| {
+            format!("cannot listen at {at}: {error}; choose another port by --port, such as 0 for a free one")
+        })?;
         listener.set_nonblocking(true)?;
         Ok(Self {
             listener,

@@ -133,11 +133,14 @@ fn next_place(plot: &mut Plot) -> Option<PlotRequest> {
 
 fn open(plot: &mut Plot, prompt: Prompt) -> Option<PlotRequest> {
     let typed = match prompt {
-        Prompt::Names => plot
-            .panes
-            .get(plot.focus)
-            .map(|pane| pane.names.join(" "))
-            .unwrap_or_default(),
+        // With a blank behind each, so that another one can be typed.
+        Prompt::Names => {
+            let pane = plot.panes.get(plot.focus);
+            let names = pane.map(|pane| pane.names.as_slice()).unwrap_or_default();
+            names
+                .iter()
+                .fold(String::new(), |all, name| all + name + " ")
+        }
         Prompt::Trigger => plot
             .trigger()
             .map(|(condition, _)| condition.to_string())

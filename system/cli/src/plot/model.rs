@@ -45,7 +45,7 @@ pub(crate) enum RobotPane {
 /// The number of curves with which it begins.
 const FIRST: usize = 4;
 
-/// How far a plot has come in showing some variables by itself.
+/// The way of a plot to the variables that it shows by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Beginning {
     /// No person has looked.

@@ -40,7 +40,7 @@ pub(super) enum UiEvent {
     /// The outcome of a request.
     Notice(String),
     Plot(plot::FeedEvent),
-    /// What a demonstration does now.
+    /// The caption of a step of a demonstration.
     Caption(String),
 }
 

@@ -3,6 +3,7 @@
 use ratatui::layout::{Constraint, Layout as Split, Rect};
 use ratatui::widgets::{Block, Borders};
 
+use super::feed::UiEvent;
 use super::model::{Model, Page};
 use crate::screen::wrapped;
 
@@ -17,7 +18,7 @@ const TABLES: u16 = 84;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) tabs: Vec<(Page, String, Rect)>,
-    /// What a demonstration does; without one there is no room.
+    /// The room for the caption of a demonstration; none without one.
     pub(super) caption: Rect,
     pub(super) panes: Vec<(Page, Rect)>,
     pub(super) status: Rect,
@@ -77,6 +78,24 @@ pub(super) fn layout(area: Rect, model: &Model) -> Layout {
             some(body, model)
         },
         status,
+    }
+}
+
+impl Model {
+    /// Whether what came changes what is on the screen.
+    pub(super) fn is_seen(&self, news: &UiEvent) -> bool {
+        !matches!(news, UiEvent::Plot(_)) || self.sees_plots()
+    }
+
+    fn sees_plots(&self) -> bool {
+        let panes = layout(self.area, self).panes;
+        panes.iter().any(|(page, _)| *page == Page::Plots)
+    }
+
+    /// Has the plots begin when a person first sees them; returns true if they do.
+    pub(super) fn begin_plots(&mut self) -> bool {
+        let is_tile = self.focus != Page::Plots;
+        self.sees_plots() && self.plot.begin(is_tile)
     }
 }
 

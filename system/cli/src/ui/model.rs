@@ -7,7 +7,6 @@ use ratatui::layout::Rect;
 use tui_input::Input;
 
 use super::feed::UiEvent;
-use super::layout::layout;
 use super::log::Level;
 use super::tool::Tool;
 use super::window::{Window, WindowId};
@@ -109,7 +108,7 @@ pub(super) struct Model {
     pub(super) zoomed: bool,
     pub(super) popup: Option<Popup>,
     pub(super) notice: Option<String>,
-    /// What a demonstration does now; empty without one.
+    /// The caption of the present step of a demonstration; empty without one.
     pub(super) caption: String,
     /// The text that is typed into the popup in front.
     pub(super) typed: Input,
@@ -216,22 +215,6 @@ impl Model {
         while self.log.len() > LOG_LINES {
             self.log.pop_front();
         }
-    }
-
-    /// Whether what came changes what is on the screen.
-    pub(super) fn is_seen(&self, news: &UiEvent) -> bool {
-        !matches!(news, UiEvent::Plot(_)) || self.sees_plots()
-    }
-
-    fn sees_plots(&self) -> bool {
-        let panes = layout(self.area, self).panes;
-        panes.iter().any(|(page, _)| *page == Page::Plots)
-    }
-
-    /// Has the plots begin when a person first sees them; returns true if they do.
-    pub(super) fn begin_plots(&mut self) -> bool {
-        let is_tile = self.focus != Page::Plots;
-        self.sees_plots() && self.plot.begin(is_tile)
     }
 
     pub(super) fn with(&mut self, id: WindowId, act: impl FnOnce(&mut Window)) {

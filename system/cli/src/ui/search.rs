@@ -5,9 +5,9 @@ use ratatui::layout::Rect;
 use ratatui::style::Modifier;
 
 use super::layout::inside;
-use super::log;
-use super::menu::scroll;
+use super::log::{self, Level};
 use super::model::{Model, Page};
+use super::scroll::scroll;
 
 /// Scrolls the page in front to the next line with the text that is typed, above what is seen or below.
 pub(super) fn search(model: &mut Model, is_up: bool) {
@@ -43,8 +43,16 @@ pub(super) fn search(model: &mut Model, is_up: bool) {
             scroll(model, model.focus, i32::try_from(lines).unwrap_or(0));
             None
         }
-        _ if is_up => Some("no earlier line has it".into()),
-        _ => Some("no later line has it".into()),
+        _ => {
+            let place = if is_up { "earlier" } else { "later" };
+            let hidden = match (model.focus, model.least) {
+                (Page::Log, Level::Warning | Level::Failure) => {
+                    " of those that are shown; `l` shows more"
+                }
+                _ => "",
+            };
+            Some(format!("no {place} line has it{hidden}"))
+        }
     };
 }
 

@@ -89,27 +89,6 @@ fn time_is_paused_and_stepped_and_goes_on() {
         ps.contains("paused); it waits for `resume` or `step`"),
         "{ps}"
     );
-    // Nobody can end without time.
-    let pids = |up: &Up| {
-        up.status()
-            .processors
-            .iter()
-            .map(|it| it.pid)
-            .collect::<Vec<_>>()
-    };
-    let running = pids(&up);
-    for order in [
-        &["stop", "a"][..],
-        &["restart", "a"],
-        &["load", "a", "self"],
-    ] {
-        let refused = complaint(&up, order);
-        assert!(
-            refused.contains("time is paused") && refused.contains(" resume`"),
-            "{refused}"
-        );
-    }
-    assert_eq!(pids(&up), running);
     // Both write a line in every two milliseconds.
     for step in 1..=3_u8 {
         told(&up, &["clock", "step", "100ms"]);
@@ -133,54 +112,9 @@ fn time_is_paused_and_stepped_and_goes_on() {
 }
 
 #[test]
-fn a_real_clock_cannot_be_changed() {
+fn a_real_clock_says_so() {
     let up = Up::start(TWO, &[]);
     assert_eq!(told(&up, &["clock"]), "real clock\n");
-    let reason = "the system runs by the real clock, which cannot be changed";
-    for change in [
-        &["pause"][..],
-        &["step", "1s"],
-        &["resume"],
-        &["speed", "2"],
-    ] {
-        let wrong = complaint(&up, &[&["clock"], change].concat());
-        assert!(wrong.contains(reason), "{change:?}: {wrong}");
-    }
-    for (change, expected) in [
-        (
-            &["speed", "0"][..],
-            "\"0\" is not a speed: a speed is a number from 0.001 to 1000, or `max`",
-        ),
-        (&["speed", "fast"], "\"fast\" is not a speed"),
-        (&["step", "soon"], "write one such as 500ms, 10s or 2m"),
-    ] {
-        let wrong = complaint(&up, &[&["clock"], change].concat());
-        assert!(wrong.contains(expected), "{change:?}: {wrong}");
-    }
-}
-
-#[test]
-fn options_that_no_clock_has_are_refused() {
-    for (options, expected) in [
-        (
-            &["--speed", "2"][..],
-            "--speed needs a simulated clock: a real one has no speed",
-        ),
-        (
-            &["--clock", "real", "--speed", "max"],
-            "--speed needs a simulated clock",
-        ),
-        (
-            &["--clock", "simulated", "--speed=-1"],
-            "\"-1\" is not a speed",
-        ),
-        (&["--clock", "fast"], "possible values: real, simulated"),
-    ] {
-        let up = Up::launch(TWO, options, |_| {});
-        let (code, _, told) = up.end_telling();
-        assert!(code == Some(1) || code == Some(2), "{options:?}: {code:?}");
-        assert!(told.contains(expected), "{options:?}: {told}");
-    }
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod clock;
 mod commands;
 mod diary;
 mod disk;
+mod errors;
 mod extensions;
 mod family;
 mod joint;

@@ -202,7 +202,9 @@ impl SupervisorMailbox<'_> {
         end: Option<Duration>,
     ) -> Result<(), String> {
         let clock = self.clock();
-        let clock = clock.ok_or("the system runs by the real clock, which cannot be changed")?;
+        let clock = clock.ok_or(
+            "the system runs by the real clock, which cannot be changed; `up --clock simulated` starts one whose clock can",
+        )?;
         let by = clock.handover();
         self.with_turn(clock, end, |page| match *change {
             Change::Pause => page.set_limit(page.now()),

@@ -142,7 +142,8 @@ fn refusal(name: &str, one: &CatalogEntry, new: AnyValue, source: RequestError) 
         &RequestError::Conflict { present } => {
             let present = text(present);
             format!(
-                "`{name}` was not set: its present value is {present}, so another program has set it"
+                "`{name}` was not set: its present value is {present}, so another program has set it; try \
+                 again from that value"
             )
         }
         error => format!("`{name}` was not set: {error}"),

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use condor_vars::AnyValue;
 
+use super::rows::LATER;
 use super::{CatalogEntry, Clients, RowSource, Rows};
 use crate::error::AnyError;
 
@@ -59,7 +60,9 @@ pub fn present(
             })?;
             // A program that has ended or does not run has no values.
             if let Some(change) = rows.changes().into_iter().next() {
-                return Err(change.text.into());
+                // Nobody waits for its rows here.
+                let text = change.text.strip_suffix(LATER).unwrap_or(&change.text);
+                return Err(format!("{text}; `ps` shows whether it runs").into());
             }
             if rows.sources.iter().all(|source| source.rows > 0) {
                 return Ok(());

@@ -27,6 +27,8 @@ const AGAIN: Duration = Duration::from_millis(200);
 /// gone.
 const BEGINS: &str = "its rows begin";
 const GOES_ON: &str = "its rows go on";
+/// The end of the text about a source whose program does not answer yet.
+pub(super) const LATER: &str = "; its rows begin when its program answers";
 /// The time that a program which comes later has to answer: others lose rows meanwhile.
 const QUICK_ANSWER: Duration = Duration::from_millis(100);
 
@@ -237,10 +239,7 @@ impl<'v> Rows<'v> {
             return Ok(());
         };
         let number = self.sources.len() - 1;
-        self.tell(
-            number,
-            &format!("{error}; its rows begin when its program answers"),
-        );
+        self.tell(number, &format!("{error}{LATER}"));
         Err(error)
     }
 

@@ -52,12 +52,12 @@ commands! {
             "They are the files of the directory `motions`.";
     }
     "hold": "makes fingers hold their positions, or lets them go" {
-        "enable" "[FINGER]" "makes fingers hold where they are, also after a fault" "enable index" enable
-            "Without a name: all fingers.";
+        "enable" "[FINGER]" "makes fingers hold where they are" "enable index" enable
+            "Without a name: all fingers. It clears faults.";
         "disable" "[FINGER]" "lets go: least tension on both tendons" "disable index" disable
             "Without a name: all fingers. It ends a motion that moves one of them.";
-        "control" "" "takes control from another program, such as the page" "control" control
-            "Only one program at a time can move the robot.";
+        "control" "" "takes control from another program" "control" control
+            "Only one program at a time can move the robot, such as the page or this terminal.";
     }
     "move": "moves the robot; `enable` first" {
         "run" "[MOTION]" "runs a motion, or the one in memory" "run wave" run
@@ -69,7 +69,7 @@ commands! {
         "abort" "" "ends all motion; so does Ctrl-C" "abort" abort "The joints hold where they come to rest.";
     }
     "modes": "sets how joints are controlled; `enable` first" {
-        "mode" "FINGER[.JOINT] MODE" "sets the mode; the joint keeps what it has" "mode index impedance" mode
+        "mode" "FINGER[.JOINT] MODE" "sets the mode; joints keep their state" "mode index impedance" mode
             "MODE: off, tension, torque, position or impedance. `enable` goes back to positions.";
         "torque" "FINGER.JOINT NM" "sets the torque of a joint" "torque index.middle 0.05" torque
             "NM: the torque of its tendons, N m. Nothing else bears the weight of the links.";
@@ -91,7 +91,7 @@ commands! {
     "object": "grasps a ball, and moves the table" {
         "grasp" "[N/M|STIFFNESS]" "closes the fingers on the ball" "grasp 150" grasp
             "Needs a ball (`ball`) and three enabled fingers. STIFFNESS: a file of the directory `grasps`.";
-        "release" "" "ends the grasp; the fingers hold where they are" "release" release "";
+        "release" "" "ends the grasp" "release" release "The fingers hold where they are.";
         "table" "[home|stop|off|clear|X Y Z [SPEED]]" "moves the palm to X Y Z, m" "table 0.05 0 -0.02 0.5" table
             "`table home` first. SPEED: a part of the largest speed, above 0, at most 1; by default 0.2.";
     }
@@ -106,7 +106,8 @@ commands! {
             "KG: 0 to 1 kg; 0 takes it away.";
         "fault" "FINGER.JOINT position|flexor|extensor" "breaks a sensor or a tendon" "fault thumb.distal position"
             fault "`clear` mends it.";
-        "clear" "" "mends what is broken; resets a failed simulation" "clear" clear "The ball stays where it is.";
+        "clear" "" "mends what is broken" "clear" clear
+            "If the simulation has failed, it is at its start again. Otherwise the ball stays where it is.";
     }
     "programs": "restarts and replaces programs of processors" {
         "restart" "PROCESSOR" "restarts the program of a processor" "restart 1" restart
@@ -422,12 +423,19 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let say = said(self.background, self.prompted);
         let mut names = heapless::Vec::<MotionName, MOTIONS>::new();
         self.store.list(|name| {
-            let listed = MotionName::try_from(name).map(|it| names.push(it));
-            if !matches!(listed, Ok(Ok(()))) {
-                say(format_args!("{name}"));
+            let Ok(mut moved) = MotionName::try_from(name) else {
+                return say(format_args!("{name}"));
+            };
+            // Those of greater names move by one place.
+            for there in &mut names {
+                if moved < *there {
+                    core::mem::swap(there, &mut moved);
+                }
+            }
+            if let Err(last) = names.push(moved) {
+                say(format_args!("{last}"));
             }
         })?;
-        names.sort_unstable();
         names.iter().for_each(|name| say(format_args!("{name}")));
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use std::io::{Read, Write};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use serde_json::{Value, json};
 use tungstenite::Message;
@@ -213,35 +213,4 @@ fn calls_that_cannot_be_answered_fail_with_a_reason() {
     assert_eq!(viewer.closed(), CloseCode::Size);
     // Others go on.
     live.viewer();
-}
-
-#[test]
-fn what_is_checked_is_not_served() {
-    let place = tempfile::tempdir().unwrap();
-    let output = |arguments: &[&str]| sim(place.path(), arguments).output().unwrap();
-    let text = |output: &Output| String::from_utf8_lossy(&output.stderr).into_owned();
-    for arguments in [
-        &["--check", "motion", "--port", "0"][..],
-        &["--json"],
-        &["--from", "elbow=0"],
-    ] {
-        let output = output(arguments);
-        assert_eq!(
-            output.status.code(),
-            Some(2),
-            "{arguments:?}: {}",
-            text(&output)
-        );
-    }
-    let condor = env!("CARGO_BIN_EXE_condor");
-    let none = Command::new(condor)
-        .args(["sim", "arm.toml"])
-        .output()
-        .unwrap();
-    assert_eq!(none.status.code(), Some(1));
-    assert!(
-        text(&none).contains("cannot simulate the robot"),
-        "{}",
-        text(&none)
-    );
 }
