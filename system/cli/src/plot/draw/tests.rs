@@ -411,7 +411,7 @@ fn what_is_typed_can_be_changed_by_the_usual_keys() {
         assert_eq!(press(plot, &key), None);
     };
     key(&mut plot, KeyCode::Char('n'));
-    for letter in " mode".chars() {
+    for letter in "mode".chars() {
         key(&mut plot, KeyCode::Char(letter));
     }
     expect(&picture(&plot, SMALL), &["║ elbow.tension mode▏"]);
