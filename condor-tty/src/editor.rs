@@ -25,8 +25,8 @@ const WIDTH: usize = 79;
 ///
 /// Other control characters and escape sequences have no effect. The Escape key alone has no effect either, except that
 /// a `[` or `O` typed after it, however much later, counts as the sequence of another key. A line begins in the first
-/// column. If a line with its prompt is longer than 79 columns, only a part of it is shown while it is edited. Each character counts as
-/// one column.
+/// column. If a line with its prompt is longer than 79 columns, only a part of it is shown while it is edited. Each
+/// character counts as one column.
 ///
 /// ```
 /// use condor_tty::LineEditor;
@@ -210,7 +210,8 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         }
     }
 
-    /// Returns the editor with a text that stands before each line, of at most 40 columns, such as `"> "`. Call
+    /// Returns the editor with a text that stands before each line, such as `"> "`: the shorter it is, the more of a
+    /// long line is seen. Call
     /// [`show`](Self::show) before the person types the first line, and after each line that [`feed`](Self::feed)
     /// returns.
     #[must_use]

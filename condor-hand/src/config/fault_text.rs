@@ -4,6 +4,7 @@ use core::fmt;
 
 use super::Finger;
 use crate::decimal::Decimal;
+use crate::math::abs;
 use crate::tendon::fault::{FaultCode, FaultSite, FingerFault};
 
 impl FingerFault {
@@ -41,21 +42,23 @@ impl<const J: usize> fmt::Display for FaultText<'_, J> {
                 None => write!(f, ".{joint}")?,
             }
         }
-        let value = Decimal(value);
+        let is_never = !value.is_finite();
+        let (distance, value) = (Decimal(abs(value)), Decimal(value));
         match code {
             FaultCode::NotFinite => f.write_str(" has a reading or a set-point that is no number"),
             FaultCode::OutOfRange => {
                 write!(f, " reads {value:.3} {unit}, outside of its sensor's range")
             }
             FaultCode::Stuck => write!(f, " is stuck: it still reads {value:.3} {unit}"),
-            FaultCode::Tracking => write!(f, " is {value:.3} {unit} away from its set-point"),
+            FaultCode::Tracking => write!(f, " is {distance:.3} {unit} away from its set-point"),
             FaultCode::Slack => write!(f, " is slack: it pulls {value:.3} {unit}"),
             FaultCode::OverTension => write!(f, " pulls too much: {value:.3} {unit}"),
             FaultCode::JointLimit => write!(f, " is past its limit: {value:.3} {unit}"),
             FaultCode::MissedDeadline => write!(
                 f,
-                " was served too late: {value:.3} {unit} after the time before"
+                " was served too late: {value:.3} {unit} after the tick before"
             ),
+            FaultCode::StaleSetPoint if is_never => f.write_str(" has no set-point"),
             FaultCode::StaleSetPoint => write!(
                 f,
                 " has no new set-point: the last one is {value:.3} {unit} old"

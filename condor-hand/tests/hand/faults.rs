@@ -369,7 +369,7 @@ fn a_fault_is_told_with_the_names_of_its_parts() {
         (
             FaultCode::Tracking,
             FaultSite::Joint(3),
-            0.25,
+            -0.25,
             "index.distal is 0.250 rad away from its set-point",
         ),
         (
@@ -377,6 +377,12 @@ fn a_fault_is_told_with_the_names_of_its_parts() {
             FaultSite::Finger,
             0.06,
             "index has no new set-point: the last one is 0.060 s old",
+        ),
+        (
+            FaultCode::StaleSetPoint,
+            FaultSite::Finger,
+            f64::INFINITY,
+            "index has no set-point",
         ),
         (
             FaultCode::Jump,

@@ -114,7 +114,7 @@ function table() {
   at('rows').replaceChildren(...shown.map(it => it.row));
   const more = found.length - ROWS;
   at('more-values').textContent = !found.length ? 'There is no such variable.'
-    : more > 0 ? `${more} more: write a part of a name into the filter.` : '';
+    : more > 0 ? `${more} more: write a part of a name into the filter to see them.` : '';
   fill();
 }
 
@@ -125,7 +125,8 @@ function fill() {
   }
   const faults = variables.filter(it => /(^|\.)fault$/.test(it.name) && it.value());
   const names = faults.map(it => `${it.label.replace(/\.fault$/, '')} has a fault: ${it.text(it.value())}`).join('; ');
-  const text = names || 'No fault.';
+  const isTold = variables.some(it => /(^|\.)fault$/.test(it.name) && it.value() !== null);
+  const text = names || (isTold ? 'No fault.' : 'No variable tells of a fault.');
   if (at('faults').textContent !== text) {
     at('faults').textContent = text;
     at('faults').className = names ? 'bad' : 'quiet';

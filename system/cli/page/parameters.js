@@ -41,7 +41,7 @@ export class Parameters {
     this.nodes.list.replaceChildren(...found.slice(0, SHOWN).map((one, at) => this.row(one, `parameter-${at}`)));
     const more = found.length - SHOWN;
     this.nodes.more.textContent = !found.length ? 'There is no such parameter.'
-      : more > 0 ? `${more} more: write a part of a name into the filter.` : '';
+      : more > 0 ? `${more} more: write a part of a name into the filter to see them.` : '';
     for (const { name } of found.slice(0, SHOWN)) this.show(name);
   }
 

@@ -25,7 +25,7 @@ export class Posture {
     list.replaceChildren(...this.rows.map(row => row.node));
     const left = found.length - SHOWN;
     more.textContent = !found.length ? 'There is no such joint.'
-      : left > 0 ? `${left} more: write a part of a name into the filter.` : '';
+      : left > 0 ? `${left} more: write a part of a name into the filter to see them.` : '';
     this.show(this.positions);
   }
 

@@ -214,7 +214,7 @@ export class Simulator {
     const isFar = isReached === false;
     const text = isFar ? `${this.asked} stays ${mm(distance)} mm from there: ${limits || 'it is out of reach'}.` : limits && `${limits}.`;
     const near = meet.length ? meet.map(it => `${it.parts.join(' and ')} meet, ${mm(-it.distance)} mm deep`).join('; ')
-      : clearances.length ? `The nearest parts are ${clearances[0].parts.join(' and ')}: ${mm(clearances[0].distance)} mm` : '';
+      : clearances.length ? `Closest parts: ${clearances[0].parts.join(' and ')}, ${mm(clearances[0].distance)} mm` : '';
     clearTimeout(this.saying);
     this.saying = setTimeout(() => {
       say(at('held'), text);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use condor_host::control::ControlClient;
 use condor_host::description::SystemDescription;
 use condor_host::error::{AnyError, NamedFileError};
-use condor_host::plain::plain_lines;
+use condor_host::plain::shown_lines;
 use condor_host::services::terminals;
 use condor_host::system::SystemDirectory;
 use condor_toml::{SourceText, Spanned, TextErrors};
@@ -152,7 +152,7 @@ fn shown(log: &PathBuf, before: u64) -> Result<String, NamedFileError> {
     let before = usize::try_from(before).unwrap_or(usize::MAX);
     // A log that has become shorter was begun anew.
     let after = bytes.get(before..).unwrap_or(&bytes);
-    Ok(plain_lines(&String::from_utf8_lossy(after)))
+    Ok(shown_lines(&String::from_utf8_lossy(after)))
 }
 
 /// Kills the program of a processor.

@@ -27,6 +27,18 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(plain)
 }
 
+/// Returns the lines that a terminal shows after `text` was written to it, in a form that is safe to print: of a line
+/// that a program has written again from its beginning, the last form.
+#[must_use]
+pub fn shown_lines(text: &str) -> String {
+    let shown = |line: &str| {
+        let last = line.rsplit('\r').next().unwrap_or_default();
+        plain(&last.replace("\x1b[K", "")).into_owned()
+    };
+    let lines: Vec<_> = text.lines().map(shown).collect();
+    lines.join("\n")
+}
+
 /// Returns a text of several lines in a form that is safe to print: it escapes the same characters as [`plain`], but
 /// keeps the line ends.
 pub fn plain_lines(text: &str) -> String {
@@ -83,6 +95,8 @@ mod tests {
         assert_eq!(plain("\u{202e}txt\u{200b}"), "\\u{202e}txt\\u{200b}");
         assert_eq!(plain(&escapes), escapes, "twice is once");
         assert_eq!(plain_lines("a\r\nb\x1b\n"), "a\nb\\u{1b}");
+        let prompts = "\r> \x1b[Kenable\r\n\r> \x1b[K\r\x1b[Kdone\r\n\r> \x1b[K";
+        assert_eq!(shown_lines(prompts), "> enable\ndone\n> ");
     }
 
     #[test]

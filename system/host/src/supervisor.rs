@@ -87,9 +87,9 @@ pub struct SupervisorOptions {
 pub enum UpError {
     /// A system of this name is running already.
     #[error(
-        "the system `{name}` is running already{}; `{} down --system {name}` ends it",
+        "the system `{name}` is running already{}; `{me} ui --system {name}` shows it, `{me} down --system {name}` ends it",
         process.map(|process| format!(", as process {process}")).unwrap_or_default(),
-        me()
+        me = me()
     )]
     RunsAlready {
         /// The name of the system.

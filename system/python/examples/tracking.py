@@ -122,7 +122,7 @@ if has_parameter:
 else:
     terminal.write(f"fault {of} {which}\n")
 
-# %% Which finger gives up? And which of its tendons has no tension?
+# %% Which finger has a fault? And which of its tendons has no tension?
 fingers = list(dict.fromkeys(joint.split(".")[0] for joint in hand.joints))
 with system.watch("*.fault", "*.tension") as watch:
     faulty = []
@@ -131,7 +131,7 @@ with system.watch("*.fault", "*.tension") as watch:
         faulty = [finger for finger in fingers if samples[f"{finger}.fault"].values[-1] != 0]
 tensions = {name: samples[name].values[-1] for name in samples if name.split(".")[0] in faulty and "tension" in name}
 slack = min(tensions, key=tensions.get)
-print(f"{', '.join(faulty)} gave up; the least tension is {tensions[slack]:.1f} N: {slack}")
+print(f"{', '.join(faulty)} has a fault; the least tension is {tensions[slack]:.1f} N: {slack}")
 assert slack == f"{of}.{which}.tension", f"it was the {which} of {of}"
 
 # %% Mend it, and see that the motion runs again.

@@ -6,7 +6,7 @@
 //!
 //! A finger follows only after somebody has said `enable`, and from where it is then. The set-points of
 //! every other one, and of joints in another mode, are where they are measured. When a processor is
-//! restarted or a finger gives up, the master says so, and all motion stops; it switches nothing on by
+//! restarted or a finger has a fault, the master says so, and all motion stops; it switches nothing on by
 //! itself. A master that ends leaves the fingers to their servos, which let go when set-points stay away.
 //!
 //! | object | is |
@@ -242,6 +242,7 @@ fn listen<M: Machine>(
                 background.print(format_args!("^C\n"));
                 commands.prompted.set(false);
                 commands.obey("abort");
+                return Ok(());
             }
             Err(ConsoleError::Access(error)) => return Err(error.into()),
             Err(_) => break,

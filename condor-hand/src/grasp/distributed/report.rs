@@ -44,7 +44,7 @@ impl GraspReason {
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::None => "no reason",
-            Self::Fingers => "a grasp needs at least three fingers of the hand",
+            Self::Fingers => "a grasp needs at least three fingers, all of this hand",
             Self::Tuning => {
                 "a number of the grasp is not possible; gains are at least 0, friction above 0, all finite"
             }

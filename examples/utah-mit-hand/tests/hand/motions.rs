@@ -198,6 +198,8 @@ fn a_motion_is_saved_and_replayed_by_the_next_incarnation_of_the_master() {
         typist.runs("pinch");
         typist.does("to ring.middle 0.9 0.5");
         typist.wait(0.5);
+        // A name that is not there costs nothing of it.
+        assert!(typist.says("open their").starts_with(REFUSED));
         assert_eq!(typist.says("save"), "mine: 3 motions saved\n");
         let before = replayed(typist);
         typist.restart(MASTER);
@@ -210,7 +212,7 @@ fn a_motion_is_saved_and_replayed_by_the_next_incarnation_of_the_master() {
         );
         assert_eq!(
             typist.says("run"),
-            "error: index is not enabled: `enable index` makes it hold its position\n"
+            "error: index, middle, ring, thumb are not enabled: `enable` makes them hold their positions\n"
         );
         typist.types("enable");
         typist.wait(4.0);
@@ -293,7 +295,7 @@ fn a_processor_that_restarts_and_a_finger_that_fails_are_said_and_taken_up_again
         assert!(status.contains("no motion"), "{status}");
         assert_eq!(
             typist.says("run fist"),
-            "error: index is not enabled: `enable index` makes it hold its position\n"
+            "error: index, middle are not enabled: `enable` makes them hold their positions\n"
         );
         typist.does("enable");
         let peak = typist.runs("open");

@@ -167,6 +167,21 @@ fn a_hand_whose_points_stay_away_brakes_and_says_why() {
 }
 
 #[test]
+fn a_stream_that_a_person_pauses_ends_and_the_next_motion_runs() {
+    let (mut up, view) = open("paused-stream");
+    let (from, _, _) = seen(&view);
+    let path = table(&up, from, 1000);
+    let child = motion(&up, &["--stream", &path]);
+    until(|| (seen(&view).0 > from + 0.05).then_some(()));
+    up.types("pause");
+    up.expect("the stream of points ends: nobody can resume it\n");
+    let (is_done, text) = outcome(child);
+    assert!(!is_done, "{text}");
+    let next = outcome(motion(&up, &["open"]));
+    assert_eq!(next, (true, "open: done\n".to_owned()));
+}
+
+#[test]
 fn a_motion_in_paused_time_says_why_it_waits() {
     let mut up = Up::start("paused-motion", "max", |text| {
         text.replace("run wave", "run open")

@@ -160,7 +160,7 @@ impl Master {
             Stage::Moving { name, since } => (name, since),
         };
         let done = match self.stage {
-            Stage::Saving { .. } => text.contains(" saved"),
+            Stage::Saving { .. } => saved(&text) > 0,
             _ => text.contains(&format!("{name} is done")),
         };
         if done {
@@ -174,7 +174,7 @@ impl Master {
             seen.saved += 1;
             return self.go(up, more);
         }
-        if text.contains("has a fault") || text.contains("is not enabled") {
+        if text.contains("has a fault") || text.contains("not enabled") {
             // Deadlines that a busy machine misses are a fault of the hand, and the master says so.
             self.looked += text.len();
             seen.faults += u32::from(text.contains("has a fault"));
@@ -231,7 +231,7 @@ impl Master {
                 seen.wrong.push(text);
             }
         }
-        let said = text.matches(" saved").count();
+        let said = saved(&text);
         if said != seen.saved as usize {
             let text = format!("{said} sequences were saved, and not {}", seen.saved);
             seen.wrong.push(text);
@@ -316,4 +316,9 @@ fn check_lines(name: &str, text: &str, total: &Tally, seen: &mut Seen) {
             total.said, seen.typed
         ));
     }
+}
+
+/// How often a text says that a sequence was saved.
+fn saved(text: &str) -> usize {
+    text.matches(" motion saved").count() + text.matches(" motions saved").count()
 }

@@ -15,7 +15,7 @@ use crate::commands::number::duration;
 use crate::screen;
 use condor_host::description::{ProcessorEntry, SystemDescription};
 use condor_host::error::tell;
-use condor_host::plain::plain_lines;
+use condor_host::plain::shown_lines;
 use condor_host::services::terminals;
 use condor_host::supervisor::{self, SupervisorOptions, reaper};
 use condor_host::system::SystemDirectory;
@@ -169,7 +169,7 @@ fn print_answers(description: &SystemDescription, directory: &SystemDirectory) {
     for ProcessorEntry { name, .. } in typed_at(description) {
         match std::fs::read(terminals::log(&directory.terminals(), name)) {
             Ok(said) => {
-                let said = plain_lines(&String::from_utf8_lossy(&said));
+                let said = shown_lines(&String::from_utf8_lossy(&said));
                 println!("terminal of {name}:\n{said}\n");
             }
             Err(error) => {

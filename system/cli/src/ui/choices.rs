@@ -3,6 +3,7 @@
 use std::io;
 use std::path::Path;
 
+use condor_platform::linux::WholeFile;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -37,7 +38,7 @@ pub(super) fn keep(model: &Model, path: &Path) -> io::Result<()> {
         plots: model.plot.choices(),
     };
     let choices = serde_json::to_string(&choices)?;
-    std::fs::write(path, format!("{BEGIN}\n{choices}\n"))
+    WholeFile::write(path, format!("{BEGIN}\n{choices}\n").as_bytes())
 }
 
 /// Takes over the choices in a file, if there is one. If it cannot be read, the log says so.

@@ -191,7 +191,7 @@ fn notice(model: &Model) -> Option<(String, Color)> {
         return Some((format!("No supervisor (F10 leaves): {why}"), Color::Red));
     }
     let of_plots = model.plot.notice.as_ref();
-    let of_plots = of_plots.filter(|_| model.focus == Page::Plots);
+    let of_plots = of_plots.filter(|_| model.sees_plots());
     let notice = model.notice.as_ref().or(of_plots)?;
     Some((plain(notice).into_owned(), Color::Yellow))
 }

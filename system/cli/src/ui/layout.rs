@@ -87,14 +87,14 @@ impl Model {
         !matches!(news, UiEvent::Plot(_)) || self.sees_plots()
     }
 
-    fn sees_plots(&self) -> bool {
+    pub(super) fn sees_plots(&self) -> bool {
         let panes = layout(self.area, self).panes;
         panes.iter().any(|(page, _)| *page == Page::Plots)
     }
 
     /// Has the plots begin when a person first sees them; returns true if they do.
     pub(super) fn begin_plots(&mut self) -> bool {
-        let is_tile = self.focus != Page::Plots;
+        let is_tile = layout(self.area, self).panes.len() > 1;
         self.sees_plots() && self.plot.begin(is_tile)
     }
 }
@@ -109,6 +109,10 @@ pub(super) fn inside(page: Page, model: &Model) -> Rect {
 /// Sets the sizes of the windows for a screen of this size.
 pub(super) fn resize(model: &mut Model, columns: u16, rows: u16) {
     model.area = Rect::new(0, 0, columns, rows);
+    // Keys go elsewhere.
+    if model.focus != Page::Plots {
+        model.plot.prompt = None;
+    }
     if matches!(model.focus, Page::Window(_)) {
         model.front = model.focus;
     }

@@ -18,8 +18,9 @@ const FAILURES: [&str; 6] = [
     "panicked",
 ];
 /// Words by which a line is a warning.
-const WARNINGS: [&str; 6] = [
+const WARNINGS: [&str; 7] = [
     "warning",
+    "refuses",
     "stalled",
     "is held",
     "left out",

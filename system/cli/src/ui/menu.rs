@@ -144,7 +144,7 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
             model.focus = page;
             open_menu(model);
         }
-        Action::ClosePopup => model.popup = None,
+        Action::ClosePopup => (model.popup, model.notice) = (None, None),
         Action::MenuMove { members, entries } => move_by(model, members, entries),
         Action::MenuDo => carry_out(model, doer),
         Action::Edit(key) => {

@@ -1,4 +1,4 @@
-//! Every error of the command line, provoked: each has the user's name of the thing, and a remedy. The table is the
+//! Errors of the command line, provoked: each has the user's name of the thing, and a remedy. The table is the
 //! file `errors.md`.
 
 use std::fmt::Write as _;

@@ -166,7 +166,7 @@ fn a_page_of_the_user_interface_has_plots() {
     shown.leaves();
 }
 
-/// Something is typed at one processor; another one is killed, and comes back.
+/// Something is typed at a processor, which is then killed, and comes back.
 const DEMO: &str = r#"
     [[step]]
     caption = "Somebody types."
@@ -176,9 +176,13 @@ const DEMO: &str = r#"
     seconds = 0
     [[step]]
     caption = "A program is killed."
-    at = "a"
-    kill = "a"
-    until = "hello"
+    kill = "b"
+    seconds = 0
+    [[step]]
+    caption = "The next one reads on."
+    at = "b"
+    type = "that"
+    until = "typed that"
     seconds = 0
     [[step]]
     caption = "The end."
@@ -194,9 +198,9 @@ fn a_demonstration_types_and_kills_and_says_what_it_does() {
     std::fs::write(up.path("demo.toml"), DEMO).unwrap();
     let file = up.path("tested.toml");
     let mut shown = Shown::start(&up, &["demo", file.to_str().unwrap()]);
-    shown.expect("3/3  The end.");
+    shown.expect("4/4  The end.");
     let status = up.status();
-    let killed = status.members().find(|it| it.name == "a").unwrap();
+    let killed = status.members().find(|it| it.name == "b").unwrap();
     assert_eq!(killed.restarts, 1);
     assert_eq!(killed.last_exit.as_deref(), Some("killed by SIGKILL"));
     // F10.

@@ -11,17 +11,16 @@ use condor_rt::{Background, Machine, ProgramError};
 
 use super::drive::{SharedDrive, with};
 use super::follow::Follow;
-use super::others::{Ball, Others};
+use super::others::Others;
 use super::play::{Player, Title, check};
 use super::queue::{JointMove, Requests, Work};
 use super::sequence::Store;
-use super::servos::Servos;
-use super::servos::are_all;
+use super::servos::{Servos, are_all};
 use super::words::{MotionName, Problem, Words, names};
 use crate::joints::{JointName, JointNumbers};
 use crate::master::Prompted;
 use crate::motions::MotionsEvent;
-use crate::plant::{NumberRange, PlantRequest, PlantTarget};
+use crate::plant::NumberRange;
 use crate::queue::{InControl, OWN, RefusalReason, RequestIdentity, RequestState};
 use crate::table::TableRequest;
 use crate::{FINGERS, RobotDescription, grasp};
@@ -33,11 +32,13 @@ mod list;
 mod modes;
 mod processors;
 mod shown;
+mod simulate;
+mod status;
+mod teach;
 mod watch;
 
 use list::{Command, Group, Line, commands, find, nearest};
 pub(super) use processors::Processors;
-use shown::{Boards, MeasuredObject, MixedModes, MotionCount, Row, Titles};
 pub(super) use watch::Watching;
 
 commands! {
@@ -57,7 +58,7 @@ commands! {
         "disable" "[FINGER]" "lets go: least tension on both tendons" "disable index" disable
             "Without a name: all fingers. It ends a motion that moves one of them.";
         "control" "" "takes control from another program" "control" control
-            "Only one program at a time can move the robot, such as the page or this terminal.";
+            "Only one program at a time moves the robot, such as the page or this terminal.";
     }
     "move": "moves the robot; `enable` first" {
         "run" "[MOTION]" "runs a motion, or the one in memory" "run wave" run
@@ -82,9 +83,9 @@ commands! {
     }
     "teach": "records motions, and keeps them in files" {
         "record" "MOTION" "records what is run until `save`" "record mine" record
-            "Each `to` and `run` that is done becomes a part of MOTION.";
+            "Each motion that begins becomes a part of MOTION; `run` without a name ends it.";
         "save" "[MOTION]" "saves the motion in memory in a file" "save mine" save
-            "By default under the name that it has.";
+            "By default under the name that it has. A file that is there stays.";
         "open" "MOTION" "takes a motion from its file into memory" "open wave" open
             "`run` runs it then, and `save` can save it under another name.";
     }
@@ -113,12 +114,12 @@ commands! {
         "restart" "PROCESSOR" "restarts the program of a processor" "restart 1" restart
             "PROCESSOR: its name or its number.";
         "load" "PROCESSOR PROGRAM [WORD]..." "runs another program there" "load servo-a self servo" load
-            "PROGRAM: a file, or `self`; the WORDs are its arguments.";
+            "PROGRAM: `self`, or one that the description names. The WORDs are its arguments.";
     }
 }
 
 /// The most motions that are listed in the order of their names.
-const MOTIONS: usize = 64;
+const LISTED: usize = 64;
 const SECONDS: &str = "a time above 0, s";
 const SPEED: &str = "a speed above 0, at most 1";
 
@@ -392,8 +393,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         };
         if let Some(command) = find(GROUPS, word) {
             self.say(format_args!("{command}: {}", command.about));
-            if !command.more.is_empty() {
-                self.say(format_args!("{}", command.more));
+            for sentence in command.more.split_inclusive(". ") {
+                self.say(format_args!("{}", sentence.trim_end()));
             }
             self.say(format_args!("example: {}", command.example));
             return Ok(());
@@ -421,7 +422,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     fn motions<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
         let say = said(self.background, self.prompted);
-        let mut names = heapless::Vec::<MotionName, MOTIONS>::new();
+        let mut names = heapless::Vec::<MotionName, LISTED>::new();
         self.store.list(|name| {
             let Ok(mut moved) = MotionName::try_from(name) else {
                 return say(format_args!("{name}"));
@@ -443,11 +444,18 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     fn pause<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
         self.check_moves()?;
-        with(self.shared, |drive| {
-            drive.generator.pause();
-            drive.abort_stream();
+        let is_stream = with(self.shared, |drive| {
+            let is_stream = drive.abort_stream();
+            if !is_stream {
+                drive.generator.pause();
+            }
+            is_stream
         });
-        self.say(format_args!("paused: `resume` goes on"));
+        let text = match is_stream {
+            Some(true) => "the stream of points ends: nobody can resume it",
+            _ => "paused: `resume` goes on",
+        };
+        self.say(format_args!("{text}"));
         Ok(())
     }
 
@@ -482,36 +490,6 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         Ok(())
     }
 
-    fn record<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let name = words.name()?;
-        words.end()?;
-        self.requests.check_kept()?;
-        if self.player.is_recording && !self.player.kept.is_empty() {
-            let former = &self.player.kept_title;
-            self.say(format_args!("{former}, which is not saved, is dropped"));
-        }
-        self.player.kept.clear();
-        self.player.name_kept(name);
-        self.player.is_recording = true;
-        self.say(format_args!("recording {name}: `save` writes it to a file"));
-        Ok(())
-    }
-
-    fn open<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let name = words.name()?;
-        words.end()?;
-        self.requests.check_kept()?;
-        self.player.is_recording = false;
-        self.store.load(name, &mut self.player.kept)?;
-        self.player.name_kept(name);
-        let count = self.player.kept.motions().map_or(0, |it| it.len());
-        let count = MotionCount(count);
-        self.say(format_args!(
-            "{name}: {count}; `run` runs what is in memory"
-        ));
-        Ok(())
-    }
-
     fn release<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
         self.requests.check_free()?;
@@ -531,155 +509,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         Ok(())
     }
 
-    fn letgo<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let seconds = words.maybe_within("a time, s", NumberRange::LET_GO)?;
-        let seconds = seconds.unwrap_or(1.0);
-        words.end()?;
-        self.others.plant(&PlantRequest::LetGo { seconds })?;
-        let seconds = Decimal(seconds);
-        self.say(format_args!(
-            "the support of the ball vanishes within {seconds} s"
-        ));
-        Ok(())
-    }
-
-    fn push<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let force = words.three_within("a force, N", NumberRange::FORCE)?;
-        let moment = match words.peek().next() {
-            None => [0.0; 3],
-            Some(_) => words.three_within("a moment, N m", NumberRange::MOMENT)?,
-        };
-        words.end()?;
-        self.others.plant(&PlantRequest::Push { force, moment })?;
-        if [force, moment].as_flattened().iter().all(|it| *it == 0.0) {
-            self.say(format_args!("nothing pushes the ball any more"));
-            return Ok(());
-        }
-        let [[fx, fy, fz], [mx, my, mz]] = [force, moment].map(|it| it.map(Decimal));
-        self.say(format_args!(
-            "the ball is pushed with {fx} {fy} {fz} N and {mx} {my} {mz} N m"
-        ));
-        Ok(())
-    }
-
-    fn clear<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        words.end()?;
-        let has_failed = matches!(self.others.failed(), Some(1..));
-        self.others.plant(&PlantRequest::Mend)?;
-        let text = if has_failed {
-            "the simulated robot is at its start again"
-        } else {
-            "all sensors and tendons are whole"
-        };
-        self.say(format_args!("{text}"));
-        Ok(())
-    }
-
     fn say(&self, line: Arguments<'_>) {
         said(self.background, self.prompted)(line);
-    }
-
-    fn status<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        words.end()?;
-        let mut titles: Option<Titles<'_>> = None;
-        for (finger, entry) in self.hand.fingers.iter().enumerate() {
-            if !titles.as_ref().is_some_and(|titles| titles.suit(entry)) {
-                self.say(format_args!("{}", titles.insert(Titles(entry))));
-            }
-            let measured = with(self.shared, |drive| {
-                drive.measured.get(finger).copied().flatten()
-            });
-            let row = Row {
-                finger: entry,
-                status: self.servos.status(finger),
-                processor: self.servos.processor(finger),
-                measured: measured.flatten(),
-            };
-            self.say(format_args!("{row}"));
-        }
-        for (finger, entry) in self.hand.fingers.iter().enumerate() {
-            if let Some(status) = self.servos.status(finger)
-                && let Some(mixed) = MixedModes::of(entry, status)
-            {
-                self.say(format_args!("{mixed}"));
-            }
-        }
-        for (finger, entry) in self.hand.fingers.iter().enumerate() {
-            if let Some(fault) = self.servos.status(finger).and_then(|status| status.fault) {
-                let name = &entry.name;
-                let remedy = fault.code.remedy();
-                self.say(format_args!("{name} has a fault: {}", fault.of(entry)));
-                self.say(format_args!("  {remedy}; then `enable {name}`"));
-            }
-        }
-        if let Some(resting @ 1..) = self.others.resting() {
-            let boards = Boards(resting);
-            self.say(format_args!(
-                "no program sends values to the D/A boards {boards}: their tendons have the least tensions"
-            ));
-        }
-        let failed = self.others.failed();
-        if failed.is_some() {
-            self.say(format_args!(
-                "the robot is simulated without collisions: its fingers can pass through each other"
-            ));
-        }
-        if let Some(failed @ 1..) = failed {
-            self.say(format_args!(
-                "the simulation of the robot has failed in {failed} ticks; the terminal of its processor says why, and \
-                 `clear` puts the robot back to its start"
-            ));
-        }
-        let is_paused = with(self.shared, |drive| drive.generator.is_paused());
-        let paused = if is_paused == Some(true) {
-            ", paused"
-        } else {
-            ""
-        };
-        match self.player.title() {
-            Some(title) => {
-                let (next, count) = self.player.progress();
-                if count == 0 {
-                    self.say(format_args!(
-                        "motion {title} runs: it follows the points that a program sends{paused}"
-                    ));
-                } else {
-                    self.say(format_args!(
-                        "motion {title} runs: {next} of its {count} steps have begun{paused}"
-                    ));
-                }
-            }
-            None => self.say(format_args!("no motion runs{paused}")),
-        }
-        let (waiting, in_control) = self.requests.waiting();
-        if waiting > 0 {
-            self.say(format_args!("waiting: {}", MotionCount(waiting as u32)));
-        }
-        if matches!(in_control, InControl::Session(_)) {
-            self.say(format_args!("{in_control}"));
-        }
-        if !self.player.kept.is_empty() || self.player.is_recording {
-            let count = self.player.kept.motions().map_or(0, |it| it.len());
-            let what = if self.player.is_recording {
-                "recording"
-            } else {
-                "in memory"
-            };
-            self.say(format_args!(
-                "{what}: {}, {}",
-                self.player.kept_title,
-                MotionCount(count)
-            ));
-        }
-        match self.others.see(self.background) {
-            Ok(object) => self.say(format_args!("object: {}", MeasuredObject(&object))),
-            Err(problem) => self.say(format_args!("object: {problem}")),
-        }
-        match self.others.table(&TableRequest::Status) {
-            Ok(state) => self.say(format_args!("table: {state}")),
-            Err(problem) => self.say(format_args!("table: {problem}")),
-        }
-        Ok(())
     }
 
     /// Stops all motion on its path; whether there was any.
@@ -719,12 +550,14 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     ) -> Result<(), Problem<'l>> {
         let only = words.finger(self.hand)?;
         words.end()?;
-        let mut done = 0;
+        let (mut done, mut absent) = (0, None);
         let fingers = 0..self.hand.fingers.len();
         for finger in fingers.filter(|&it| only.is_none_or(|only| only == it)) {
             match work(&mut self.servos, finger) {
                 Ok(()) => done |= 1 << finger,
                 Err(problem) if only.is_some() => return Err(problem),
+                // The processor of several fingers is named once.
+                Err(Problem::Absent(number)) if absent.replace(number) == Some(number) => {}
                 // One that cannot does not keep the others from it.
                 Err(problem) => self.complain(&problem),
             }
@@ -738,13 +571,15 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Checks that all fingers of a mask follow.
     fn check_follows(&self, fingers: u32) -> Result<(), Problem<'static>> {
+        let mut missing = 0;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             if fingers >> finger & 1 == 0 || self.servos.follows(finger) {
                 continue;
             }
             let name = entry.name.clone();
             let Some(status) = self.servos.status(finger) else {
-                return Err(Problem::NotEnabled(name));
+                missing |= 1 << finger;
+                continue;
             };
             let modes = status.modes.iter().zip(&entry.joints);
             let other = modes
@@ -757,10 +592,16 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                     joint: joint.name.clone(),
                     mode: mode.name(),
                 },
-                _ => Problem::NotEnabled(name),
+                _ => {
+                    missing |= 1 << finger;
+                    continue;
+                }
             });
         }
-        Ok(())
+        match missing {
+            0 => Ok(()),
+            missing => Err(Problem::NotEnabled(names(self.hand, missing))),
+        }
     }
 
     fn run<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -804,25 +645,6 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         };
         check(self.hand, [one.motion()?]).map_err(Problem::alone)?;
         self.enqueue(Work::Joint(one))
-    }
-
-    fn save<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let given = match words.peek().next() {
-            Some(_) => Some(words.name()?),
-            None => None,
-        };
-        words.end()?;
-        if self.player.kept.is_empty() {
-            return Err(Problem::Nothing);
-        }
-        let title = self.player.kept_title.clone();
-        let name = given.unwrap_or(&title);
-        self.store.save(name, &self.player.kept)?;
-        self.player.name_kept(name);
-        self.player.is_recording = false;
-        let count = MotionCount(self.player.kept.motions().map_or(0, |it| it.len()));
-        self.say(format_args!("{name}: {count} saved"));
-        Ok(())
     }
 
     fn table<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -875,74 +697,5 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             };
         }
         Ok(to)
-    }
-
-    fn ball<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        if words.peek().next() == Some("none") {
-            words.next();
-            words.end()?;
-            self.others.plant(&PlantRequest::RemoveBall)?;
-            self.say(format_args!("there is no ball any more"));
-            return Ok(());
-        }
-        let former = self.others.ball;
-        let radius = words.maybe_within("a radius, m", NumberRange::RADIUS)?;
-        let mass = words.maybe_within("a mass, kg", NumberRange::MASS)?;
-        let center = match words.peek().next() {
-            None => former.center,
-            Some(_) => words.three_within("a position, m", NumberRange::PLACE)?,
-        };
-        words.end()?;
-        let ball = Ball {
-            center,
-            radius: radius.unwrap_or(former.radius),
-            mass: mass.unwrap_or(former.mass),
-        };
-        self.others.plant(&PlantRequest::PlaceBall {
-            center: ball.center,
-            radius: ball.radius,
-            mass: ball.mass,
-        })?;
-        self.others.ball = ball;
-        let [radius, mass] = [ball.radius, ball.mass].map(Decimal);
-        let [x, y, z] = ball.center.map(Decimal);
-        self.say(format_args!(
-            "a ball of {radius} m and {mass} kg is held at {x} {y} {z} m from the palm until `letgo`"
-        ));
-        Ok(())
-    }
-
-    fn fault<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let (finger, joint) = words.joint(self.hand)?;
-        let what = "position, flexor or extensor";
-        let word = words.word(what)?;
-        words.end()?;
-        let name = JointName(self.hand, self.numbers.number(finger, joint));
-        let (finger, joint) = (finger as u32, joint as u32);
-        let cut = |which| PlantRequest::CutTendon {
-            finger,
-            joint,
-            which,
-        };
-        self.others.plant(&match word {
-            "position" => PlantRequest::StickSensor {
-                finger,
-                joint,
-                which: PlantTarget::Position,
-            },
-            "flexor" => cut(PlantTarget::Flexor),
-            "extensor" => cut(PlantTarget::Extensor),
-            _ => return Err(Problem::Not { word, what }),
-        })?;
-        if word == "position" {
-            self.say(format_args!(
-                "the position sensor of {name} stays as it is; `clear` mends it"
-            ));
-        } else {
-            self.say(format_args!(
-                "the {word} of {name} is cut; `clear` mends it"
-            ));
-        }
-        Ok(())
     }
 }

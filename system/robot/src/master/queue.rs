@@ -181,9 +181,7 @@ impl<'r, M: Machine> Requests<'r, M> {
             Some(None) => Ok(()),
             Some(Some((session, owner))) => {
                 self.keeps_control = false;
-                // A number of a processor has one byte.
-                let processor = Processor(owner.unwrap_or_default().processor as u8);
-                Err(Problem::InControl { processor, session })
+                Err(Problem::InControl { owner, session })
             }
             None => Err(Problem::NoQueue),
         }

@@ -1,6 +1,6 @@
 //! [`Sequence`]: a sequence of motions in memory, and [`Store`]: in files.
 
-use condor_fs::{Errno, FileError, OpenOptions};
+use condor_fs::{Errno, File, FileError, OpenOptions};
 use condor_hand::ImageError;
 use condor_hand::trajectory::MotionError;
 use condor_hand::trajectory::image::{MotionSequence, append};
@@ -12,8 +12,7 @@ use crate::file;
 
 /// The greatest size of a compiled sequence of motions that the master can run, in bytes.
 pub const MOTION_BYTES: usize = 8192;
-/// The directory of the sequences.
-/// The suffix of their names.
+/// The suffix of the names of their files.
 const SUFFIX: &str = ".motion";
 
 /// A sequence of motions as the bytes of its image; nothing at first.
@@ -77,6 +76,14 @@ impl Sequence {
 pub(super) struct Store<'r, M: Machine>(pub(super) &'r FilesOf<'r, M>);
 
 impl<M: Machine> Store<'_, M> {
+    /// Checks that there is a sequence of this name.
+    pub(super) fn check(&self, name: &str) -> Result<(), Problem<'static>> {
+        let path = path(name, SUFFIX);
+        let opened = self.0.open(&path, OpenOptions::new().read());
+        let closed = opened.and_then(File::close);
+        closed.map_err(|error| Problem::of_file(path, error))
+    }
+
     /// Reads a sequence, which is checked.
     pub(super) fn load(&self, name: &str, into: &mut Sequence) -> Result<(), Problem<'static>> {
         let path = path(name, SUFFIX);
@@ -96,10 +103,10 @@ impl<M: Machine> Store<'_, M> {
     /// Writes a sequence: under another name first, so that a name never has half of one. A file that is there stays.
     pub(super) fn save(&self, name: &str, from: &Sequence) -> Result<(), Problem<'static>> {
         let (path, half) = (path(name, SUFFIX), path(name, ".half"));
-        match self.0.open(&path, OpenOptions::new().read()) {
-            Ok(_) => return Err(Problem::Exists(path)),
-            Err(error) if error.errno() == Some(Errno::NOENT) => {}
-            Err(error) => return Err(Problem::of_file(path, error)),
+        match self.check(name) {
+            Ok(()) => return Err(Problem::Exists(path)),
+            Err(Problem::NoFile(_)) => {}
+            Err(problem) => return Err(problem),
         }
         let write = || {
             match self.0.make_directory(MOTIONS) {

@@ -3,7 +3,9 @@
 use core::fmt::Arguments;
 use core::time::Duration;
 
+use condor_hand::config::Finger;
 use condor_hand::servo::{JointTarget, ServoMode, ServoRefusal};
+use condor_hand::tendon::fault::FingerFault;
 use condor_hand::trajectory::{Begin, MotionError, Pace, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
 use condor_rt::objects::{self as names, ObjectKind};
@@ -52,10 +54,12 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     processors: OfServos<Servo<'r, M>>,
     /// The last status of each finger.
     status: [Option<ServoStatus<JOINTS>>; FINGERS],
+    /// The fault of each finger that was told last.
+    told: [Option<FingerFault>; FINGERS],
     /// Whether a finger that followed does not any more, since somebody asked.
     has_lost: bool,
     /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it
-    /// gets none, and so gives up.
+    /// gets none, and so comes to a fault.
     inherited: u32,
     numbers: JointNumbers,
 }
@@ -109,6 +113,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             servo_indices,
             processors,
             status: [const { None }; FINGERS],
+            told: [None; FINGERS],
             has_lost: false,
             inherited: u32::MAX,
             numbers: JointNumbers::of(hand),
@@ -256,6 +261,15 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let Ok(status) = client.status(finger as u32, ANSWER) else {
             return;
         };
+        // The next incarnation may have answered; the next look finds it.
+        let state = self
+            .background
+            .mailbox()
+            .peer_state(Processor(servo.number));
+        if !matches!(state, Ok(PeerState::Up { incarnation, .. }) if Some(incarnation) == servo.incarnation)
+        {
+            return;
+        }
         self.has_lost |= kept.as_ref().is_some_and(follows) && !follows(&status);
         let holds = |it: &ServoStatus<JOINTS>| it.modes.contains(&ServoMode::Grasp);
         if kept.as_ref().is_some_and(holds) && !holds(&status) && status.fault.is_none() {
@@ -263,20 +277,12 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 "{name} has left the grasp, and holds its position"
             ));
         }
-        let (fault, refused) = match kept {
-            Some(former) => (former.fault, former.refused_set_points),
-            None => (None, status.refused_set_points),
-        };
-        match status.fault {
-            Some(now) if status.fault != fault => {
-                let remedy = now.code.remedy();
-                let fault = self.hand.fingers.get(finger).map(|it| now.of(it));
-                if let Some(fault) = fault {
-                    say(format_args!("{name} has a fault: {fault}"));
-                    say(format_args!("  {remedy}; then `enable {name}`"));
-                }
-            }
-            _ => {}
+        let refused = kept.as_ref().unwrap_or(&status).refused_set_points;
+        if let Some(told) = self.told.get_mut(finger)
+            && core::mem::replace(told, status.fault) != status.fault
+            && let Some((entry, fault)) = self.hand.fingers.get(finger).zip(status.fault)
+        {
+            tell_fault(entry, fault, &mut *say);
         }
         if status.refused_set_points != refused {
             let count = status.refused_set_points.wrapping_sub(refused);
@@ -406,7 +412,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let is_measured = with(self.shared, |drive| {
             let measured = drive.measured.get(finger).copied().flatten();
             if measured.is_some() {
-                // A finger that gave up a moment ago may still be in motion here.
+                // A finger that had a fault a moment ago may still be in motion here.
                 drive.loose |= 1 << finger;
                 drive.hold_loose();
                 // From here on the set-points stay where the finger was just measured.
@@ -540,6 +546,17 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     }
 }
 
+/// Says which fault a finger has, and what can be done.
+pub(super) fn tell_fault(
+    finger: &Finger<JOINTS>,
+    fault: FingerFault,
+    mut say: impl FnMut(Arguments<'_>),
+) {
+    let (name, remedy) = (&finger.name, fault.code.remedy());
+    say(format_args!("{name} has a fault: {}", fault.of(finger)));
+    say(format_args!("  {remedy}; then `enable {name}`"));
+}
+
 fn works(status: &ServoStatus<JOINTS>) -> bool {
     status.fault.is_none() && !status.is_resting
 }
@@ -554,7 +571,7 @@ pub(super) fn are_all(status: &ServoStatus<JOINTS>, mode: ServoMode) -> bool {
     !status.modes.is_empty() && status.modes.iter().all(|&it| it == mode)
 }
 
-/// Returns true if a finger gives up without set-points.
+/// Returns true if a finger comes to a fault without set-points.
 fn needs_set_points(status: &ServoStatus<JOINTS>) -> bool {
     works(status) && status.modes.contains(&ServoMode::Position)
 }

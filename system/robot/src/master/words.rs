@@ -12,15 +12,15 @@ use condor_hand::servo::TargetQuantity;
 use condor_hand::tendon::fault::FaultCode;
 use condor_hand::trajectory::{MotionError, MotionGuard};
 use condor_hand::{ImageError, NumberError};
+use condor_mbox::AccessError;
 use condor_mbox::exchange::ExchangeError;
-use condor_mbox::{AccessError, Processor};
 use condor_rt::supervisor::SupervisorError;
 use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
 
 use crate::RobotDescription;
 use crate::packet::ClientError;
-use crate::queue::RefusalReason;
+use crate::queue::{RefusalReason, SessionOwner};
 use crate::{JOINTS, plant, table};
 
 /// The reason why a command is not done.
@@ -69,8 +69,8 @@ pub(super) enum Problem<'l> {
         value: f64,
         range: plant::NumberRange,
     },
-    #[error("{0} is not enabled: `enable {0}` makes it hold its position")]
-    NotEnabled(Name),
+    #[error("{names}", names = NotEnabled(.0))]
+    NotEnabled(NameList),
     #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` makes it hold its position")]
     OtherMode {
         finger: Name,
@@ -113,15 +113,18 @@ pub(super) enum Problem<'l> {
     Resting(Name),
     #[error("a motion runs or waits: type `abort` first")]
     Running,
-    #[error("{processor} is in control, by session {session}: `control` takes control from it")]
-    InControl { processor: Processor, session: u32 },
+    #[error("{who} is in control, by session {session}: `control` takes control from it", who = Client(*.owner))]
+    InControl {
+        owner: Option<SessionOwner>,
+        session: u32,
+    },
     #[error("the motion is refused: {0}")]
     Refused(RefusalReason),
     #[error("the ledger of motions cannot be read or written yet, and nothing moves; try again")]
     NoQueue,
     #[error("{LEDGER}: {0}")]
     LedgerFile(#[from] RowError),
-    #[error("{LEDGER}: {0}, or remove the file, and the master makes a new one")]
+    #[error("{LEDGER}: {0}; remove the file, and the master makes a new one")]
     Ledger(ImageError),
     #[error("no motion is in memory: `record` or `open` puts one there; `run MOTION` needs none")]
     Nothing,
@@ -160,12 +163,11 @@ pub(super) enum Problem<'l> {
     )]
     Absent(u8),
     #[error(
-        "no processor simulates the robot, which this command needs: `restart` the one of the simulation, if there is one"
+        "nothing simulates the robot, which this command needs: `restart` the processor that does, if there is one"
     )]
     NoPlant,
     #[error(
-        "the position of the ball is not known: no processor measures it; `restart` the one of the simulation, if there is \
-         one"
+        "the position of the ball is not known: `restart` the processor that measures it, if there is one"
     )]
     NoCamera,
     #[error("no ball is in sight: `ball` adds a simulated one")]
@@ -303,6 +305,38 @@ fn again(error: &FileError) -> &'static str {
         "look at this file in the directory that the host serves"
     } else {
         "try again"
+    }
+}
+
+/// A program that moves the robot by messages, by the number of its processor if that is known.
+struct Client(Option<SessionOwner>);
+
+impl fmt::Display for Client {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(owner) => write!(f, "the program of processor {}", owner.processor),
+            None => f.write_str("another program"),
+        }
+    }
+}
+
+/// The text about a finger that is not enabled, or about several.
+struct NotEnabled<'n>(&'n NameList);
+
+impl fmt::Display for NotEnabled<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(names) = self;
+        if names.contains(", ") {
+            write!(
+                f,
+                "{names} are not enabled: `enable` makes them hold their positions"
+            )
+        } else {
+            write!(
+                f,
+                "{names} is not enabled: `enable {names}` makes it hold its position"
+            )
+        }
     }
 }
 

@@ -18,8 +18,16 @@ const GAIN: [Names; 15] = [
     ("kv", "N m s/rad", "Damping, law pd."),
     ("ki", "N m/(rad s)", "Integral gain, law pd."),
     ("integral_nm", "N m", "Limit of the integral, law pd."),
-    ("bandwidth_hz", "Hz", "Of the law computed-torque."),
-    ("damping_ratio", "", "Of the law computed-torque."),
+    (
+        "bandwidth_hz",
+        "Hz",
+        "Speed with which errors vanish, law computed-torque.",
+    ),
+    (
+        "damping_ratio",
+        "",
+        "1 is without overshoot, law computed-torque.",
+    ),
     ("k_torque", "", "Gain of the torque's error."),
     ("flexor.kt", "", "Proportional gain of tension."),
     ("flexor.ki", "1/s", "Integral gain of tension."),

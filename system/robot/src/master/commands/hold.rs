@@ -125,19 +125,16 @@ impl<M: Machine> Commands<'_, '_, M> {
 
     /// Returns the fingers for a grasp, a bit for each: those that follow, or are in a grasp already.
     fn holding(&self) -> Result<u64, Problem<'static>> {
-        let mut fingers = 0_u64;
-        let mut missing = None;
-        for (finger, entry) in self.hand.fingers.iter().enumerate() {
-            if self.is_in_grasp(finger) || self.servos.follows(finger) {
-                fingers |= 1 << finger;
-            } else {
-                missing = missing.or_else(|| Some(entry.name.clone()));
-            }
+        let (mut fingers, mut missing) = (0_u64, 0);
+        for finger in 0..self.hand.fingers.len() {
+            let is_ready = self.is_in_grasp(finger) || self.servos.follows(finger);
+            let mask = if is_ready { &mut fingers } else { &mut missing };
+            *mask |= 1 << finger;
         }
-        match missing.filter(|_| fingers.count_ones() < LEAST_FINGERS) {
-            Some(name) => Err(Problem::NotEnabled(name)),
-            None => Ok(fingers),
+        if missing != 0 && fingers.count_ones() < LEAST_FINGERS {
+            return Err(Problem::NotEnabled(names(self.hand, missing)));
         }
+        Ok(fingers)
     }
 
     /// Publishes an order to all servo processors, and waits until they have processed it.
