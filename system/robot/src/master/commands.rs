@@ -393,8 +393,15 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         };
         if let Some(command) = find(GROUPS, word) {
             self.say(format_args!("{command}: {}", command.about));
-            for sentence in command.more.split_inclusive(". ") {
-                self.say(format_args!("{}", sentence.trim_end()));
+            let mut rest = command.more;
+            while !rest.is_empty() {
+                // A sentence ends at a dot with a blank behind it, or at the end.
+                let mut pairs = rest.bytes().zip(rest.bytes().skip(1));
+                let dot = pairs.position(|pair| pair == (b'.', b' '));
+                let end = dot.map_or(rest.len(), |dot| dot.saturating_add(1));
+                let (sentence, after) = rest.split_at_checked(end).unwrap_or((rest, ""));
+                self.say(format_args!("{sentence}"));
+                rest = after.get(1..).unwrap_or("");
             }
             self.say(format_args!("example: {}", command.example));
             return Ok(());

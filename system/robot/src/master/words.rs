@@ -326,7 +326,7 @@ struct NotEnabled<'n>(&'n NameList);
 impl fmt::Display for NotEnabled<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(names) = self;
-        if names.contains(", ") {
+        if names.bytes().any(|byte| byte == b',') {
             write!(
                 f,
                 "{names} are not enabled: `enable` makes them hold their positions"
