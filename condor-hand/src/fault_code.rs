@@ -49,35 +49,29 @@ impl FaultCode {
     /// Returns the kind of fault in a word or two, such as "slack".
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::NotFinite => "not finite",
-            Self::OutOfRange => "out of range",
-            Self::Stuck => "stuck",
-            Self::Tracking => "tracking error",
-            Self::Slack => "slack",
-            Self::OverTension => "over-tension",
-            Self::JointLimit => "past its limit",
-            Self::MissedDeadline => "missed deadline",
-            Self::StaleSetPoint => "stale set-point",
-            Self::Jump => "jumped",
-        }
+        self.texts().0
     }
 
     /// Returns what a person can do about such a fault.
     #[must_use]
     pub const fn remedy(self) -> &'static str {
+        self.texts().1
+    }
+
+    /// The name and the remedy.
+    #[rustfmt::skip]
+    const fn texts(self) -> (&'static str, &'static str) {
         match self {
-            Self::NotFinite | Self::OutOfRange => "check the sensor and its wires",
-            Self::Jump => "check the sensor and its wires, and whether something hit the joint",
-            Self::Stuck => "check the sensor, and whether something blocks the joint",
-            Self::Tracking => "see whether something blocks the joint, or its load is too large",
-            Self::Slack => "check the tendon and the sensor of its tension",
-            Self::OverTension => "reduce the load, or the stiffness",
-            Self::JointLimit => "bring the joint back within its limits",
-            Self::MissedDeadline => "see whether its processor has too much to do",
-            Self::StaleSetPoint => {
-                "see whether the program that sends set-points has ended, or was too slow"
-            }
+            Self::NotFinite => ("not finite", "check the sensor and its wires"),
+            Self::OutOfRange => ("out of range", "check the sensor and its wires"),
+            Self::Stuck => ("stuck", "check the sensor, and whether something blocks the joint"),
+            Self::Tracking => ("tracking error", "see whether something blocks the joint, or its load is too large"),
+            Self::Slack => ("slack", "check the tendon and the sensor of its tension"),
+            Self::OverTension => ("over-tension", "reduce the load, or the stiffness"),
+            Self::JointLimit => ("past its limit", "bring the joint back within its limits"),
+            Self::MissedDeadline => ("missed deadline", "see whether its processor has too much to do"),
+            Self::StaleSetPoint => ("stale set-point", "see whether the program that sends set-points has ended, or was too slow"),
+            Self::Jump => ("jumped", "check the sensor and its wires, and whether something hit the joint"),
         }
     }
 }

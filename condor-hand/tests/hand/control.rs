@@ -107,3 +107,18 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn states_never_become_denormal() {
+    let mut filter = LowPass::<f32, 1>::new([Some(5.0)], 400.0).unwrap();
+    let mut derivative = Derivative::<f32, 1>::new([5.0], 400.0).unwrap();
+    filter.update(&[1.0]);
+    derivative.update(&[1.0]);
+    let mut last = (filter.update(&[0.0]), derivative.update(&[2.0]));
+    for _ in 0..5000 {
+        last = (filter.update(&[0.0]), derivative.update(&[2.0]));
+        let ([output], [rate]) = last;
+        assert!(!output.is_subnormal() && !rate.is_subnormal());
+    }
+    assert_eq!(last, ([0.0], [0.0]));
+}

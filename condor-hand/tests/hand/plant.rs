@@ -12,5 +12,6 @@ mod drives;
 mod energy;
 mod grasp;
 mod mechanisms;
+mod noise;
 mod replay;
 mod table;

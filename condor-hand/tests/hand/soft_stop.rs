@@ -5,6 +5,7 @@
     reason = "the tests say where a number is exactly another"
 )]
 
+use condor_hand::config::{Hand, ServoLaw};
 use condor_hand::servo::SoftStop;
 
 const STOP: SoftStop = SoftStop {
@@ -24,4 +25,26 @@ fn a_stop_pushes_inwards_and_never_pulls() {
     assert!((STOP.acceleration(0.05, -1.0) - 1.05).abs() < 1e-15);
     assert_eq!(STOP.acceleration(0.05, 9.0), 0.0);
     assert_eq!(STOP.acceleration(0.95, -9.0), 0.0);
+}
+
+/// The bounds that were found around the simulated plant, whose friction adds a little.
+#[test]
+#[cfg_attr(miri, ignore = "square roots are inline assembly")]
+fn a_stop_alone_is_accepted_where_it_was_seen_to_be_stable() {
+    let text = include_str!("../../hands/utah-mit.toml");
+    let shipped = Hand::<4, 4>::from_toml(text, "utah-mit.toml").unwrap();
+    let rests = |bandwidth_hz, velocity_cutoff_hz, kt| {
+        let mut hand = shipped.clone();
+        let joint = &mut hand.fingers[0].joints[1];
+        joint.servo.law = ServoLaw::Pd;
+        joint.servo.velocity_cutoff_hz = velocity_cutoff_hz;
+        (joint.flexor.gains.kt, joint.extensor.gains.kt) = (kt, kt);
+        joint.stop.bandwidth_hz = bandwidth_hz;
+        joint.stop.damping_ratio = joint.servo.zeta;
+        hand.check().is_ok()
+    };
+    assert!(rests(19.0, 100.0, 1.0) && !rests(21.0, 100.0, 1.0));
+    assert!(rests(16.0, 60.0, 1.0) && !rests(20.0, 60.0, 1.0));
+    assert!(rests(11.5, 60.0, 0.0) && !rests(16.0, 60.0, 0.0));
+    assert!(rests(24.0, 100.0, 3.0));
 }

@@ -26,7 +26,7 @@ picture = given.get(3, "tracking.png")
 hand = condor.Hand.read(TREE / "condor-hand/hands/utah-mit.toml")
 system = condor.up(program, description, arguments=["--speed", "max"], timeout=120)
 terminal = system.terminal("master")
-terminal.read_until("rms error is", timeout=120)
+terminal.read_until("(rms ", timeout=120)
 for processor in system.processors():
     loops = ", ".join(f"{loop.name} at {loop.rate_hz:.0f} Hz" for loop in processor.loops)
     print(f"{processor.number} {processor.name}: {processor.state}; {loops}")

@@ -32,7 +32,7 @@ class Running:
         try:
             self._system = condor.up(PROGRAM, self._description, arguments=["--speed", "max"], timeout=DEADLINE_S)
             # A system without a user types these lines itself: see `headless` in its description.
-            self._system.terminal("master").read_until("rms error is", DEADLINE_S)
+            self._system.terminal("master").read_until("(rms ", DEADLINE_S)
         except BaseException:
             self.__exit__()
             raise

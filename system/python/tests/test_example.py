@@ -20,13 +20,19 @@ class ExampleTest(unittest.TestCase):
             picture = Path(place, "tracking.png")
             if without:
                 Path(place, f"{without}.py").write_text(f"raise ImportError('{without}')\n")
-            run = subprocess.run(
-                [sys.executable, TREE / "system/python/examples/tracking.py", PROGRAM, description, picture],
-                env={**os.environ, "XDG_RUNTIME_DIR": place, "PYTHONPATH": place},
-                capture_output=True,
-                text=True,
-                timeout=DEADLINE_S,
-            )
+            env = {**os.environ, "XDG_RUNTIME_DIR": place, "PYTHONPATH": place}
+            try:
+                run = subprocess.run(
+                    [sys.executable, TREE / "system/python/examples/tracking.py", PROGRAM, description, picture],
+                    env=env,
+                    capture_output=True,
+                    text=True,
+                    timeout=DEADLINE_S,
+                )
+            except subprocess.TimeoutExpired:
+                # The next tests need its files.
+                subprocess.run([PROGRAM, "down"], env=env, check=False)
+                raise
             self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
             size = picture.stat().st_size if picture.exists() else 0
         self.assertEqual(len(re.findall(r"^\d \S+: running; ", run.stdout, re.MULTILINE)), 5)

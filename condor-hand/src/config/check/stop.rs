@@ -117,25 +117,3 @@ fn tick<const J: usize>(
         [first, second, third, position, rate].map(SVector::from);
     SMatrix::<f64, 5, 5>::from_columns(&[first, second, third, fourth, fifth]).transpose()
 }
-
-#[cfg(test)]
-mod tests {
-    /// The bounds that were found around the simulated plant, whose friction adds a little.
-    #[test]
-    #[cfg_attr(miri, ignore = "square roots are inline assembly")]
-    fn the_law_alone_is_stable_where_it_was_seen_to_be() {
-        let text = include_str!("../../../hands/utah-mit.toml");
-        let hand = crate::config::Hand::<4, 4>::from_toml(text, "utah-mit.toml").unwrap();
-        let rests = |bandwidth_hz, velocity_cutoff_hz, kt| {
-            let mut joint = hand.fingers[0].joints[1].clone();
-            joint.servo.velocity_cutoff_hz = velocity_cutoff_hz;
-            joint.flexor.gains.kt = kt;
-            joint.extensor.gains.kt = kt;
-            super::rests(&joint, bandwidth_hz, 0.0, 400)
-        };
-        assert!(rests(19.0, 100.0, 1.0) && !rests(21.0, 100.0, 1.0));
-        assert!(rests(16.0, 60.0, 1.0) && !rests(20.0, 60.0, 1.0));
-        assert!(rests(11.5, 60.0, 0.0) && !rests(16.0, 60.0, 0.0));
-        assert!(rests(24.0, 100.0, 3.0));
-    }
-}
