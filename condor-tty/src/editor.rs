@@ -210,10 +210,9 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         }
     }
 
-    /// Returns the editor with a text that stands before each line, such as `"> "`: the shorter it is, the more of a
-    /// long line is seen. Call
-    /// [`show`](Self::show) before the person types the first line, and after each line that [`feed`](Self::feed)
-    /// returns.
+    /// Returns the editor with a text that stands before each line, such as `"> "`. The shorter it is, the more of a
+    /// long line is seen. Call [`show`](Self::show) before the person types the first line, and after each line that
+    /// [`feed`](Self::feed) returns.
     #[must_use]
     pub const fn with_prompt(mut self, prompt: &'static str) -> Self {
         self.prompt = prompt;

@@ -488,9 +488,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         Ok(())
     }
 
-    /// Returns an error if nothing moves the joints, paused or not.
+    /// Returns an error if nothing moves the joints, and nothing is paused.
     fn check_moves(&self) -> Result<(), Problem<'static>> {
-        let is_idle = with(self.shared, |drive| drive.generator.is_idle());
+        let is_idle = with(self.shared, |drive| {
+            drive.generator.is_idle() && !drive.generator.is_paused()
+        });
         if self.player.title().is_none() && is_idle != Some(false) {
             return Err(Problem::NoMotion);
         }

@@ -69,7 +69,7 @@ pub(crate) struct Typist<'m> {
     reader: Option<TerminalReader<LinuxWindow>>,
     /// What the master's terminal has shown, without its prompts.
     pub(crate) shown: String,
-    /// What may be the beginning of a prompt.
+    /// The last characters, if a prompt may begin with them: the next ones decide.
     begun: String,
     former: Option<DesiredPositions>,
     /// The set-points of all joints, at each tick of the trajectories.
