@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::Result;
 use crate::command::{Line, side_by_side, timed};
 use crate::context::text;
-use crate::tests_run::passed_in;
+use crate::tests_run::{failed_in, passed_in};
 
 /// A program that has tests.
 pub(crate) struct Program {
@@ -101,7 +101,9 @@ pub(crate) fn run(programs: &[Program], arguments: &[&str]) -> Result<u32> {
         if !output.status.success() {
             let errors = String::from_utf8_lossy(&output.stderr);
             eprintln!("{place}: FAILED\n{printed}\n{errors}");
-            return Err(format!("{program}: {}", output.status).into());
+            let mut failed: Vec<&str> = printed.lines().filter_map(failed_in).collect();
+            failed.sort_unstable();
+            return Err(format!("{program}: {} {}", output.status, failed.join(", ")).into());
         }
         let counts: Vec<u32> = printed.lines().filter_map(passed_in).collect();
         // A program without libtest's harness is a test.

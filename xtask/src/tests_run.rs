@@ -37,9 +37,24 @@ pub(crate) fn passed_in(line: &str) -> Option<u32> {
     counts.split_once(" passed;")?.0.parse().ok()
 }
 
+/// Returns the name in libtest's `test window::reads ... FAILED`.
+pub(crate) fn failed_in(line: &str) -> Option<&str> {
+    line.strip_prefix("test ")?.strip_suffix(" ... FAILED")
+}
+
 #[cfg(test)]
 mod tests {
-    use super::passed_in;
+    use super::{failed_in, passed_in};
+
+    #[test]
+    fn tells_the_tests_that_failed() {
+        assert_eq!(
+            failed_in("test window::reads ... FAILED"),
+            Some("window::reads")
+        );
+        assert_eq!(failed_in("test window::reads ... ok"), None);
+        assert_eq!(failed_in("test result: FAILED. 3 passed; 1 failed;"), None);
+    }
 
     #[test]
     fn counts_only_the_result_lines() {

@@ -8,7 +8,7 @@ use std::process::Stdio;
 use condor_host::view::View;
 use condor_mbox::Processor;
 
-use crate::joint::TWO;
+use crate::joint::{TWO, start};
 use crate::running::Up;
 
 const ERRORS: &str = include_str!("errors.md");
@@ -61,8 +61,7 @@ fn errors_without_a_system_name_the_thing_and_a_remedy() {
 
 #[test]
 fn errors_of_a_running_system_name_the_thing_and_a_remedy() {
-    let up = Up::start(TWO, &[]);
-    up.read_terminal("b", "hello");
+    let up = start(&[]);
     std::fs::write(up.path("text.mcap"), "text").unwrap();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port();

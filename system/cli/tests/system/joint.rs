@@ -108,6 +108,12 @@ impl Program for Joint {
                 let console = background.console()?.console(background.mailbox());
                 let mut typed = console.with_read_timeout(Duration::from_millis(1));
                 let mut line = [0; 64];
+                // A test that has read this relies on what loops do.
+                for name in ["servo", "slow"] {
+                    while background.statistics(name)?.run == 0 && !background.is_stopping() {
+                        background.serve(Duration::from_millis(1))?;
+                    }
+                }
                 background.print(format_args!("hello\r\n"));
                 while !background.is_stopping() {
                     background.serve(Duration::from_millis(20))?;

@@ -10,7 +10,7 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use crate::joint::{TWO, load_joint, start_one};
+use crate::joint::{TWO, load_joint, start, start_one};
 use crate::running::{self, DEADLINE, Up};
 
 const COLUMNS: NonZero<u16> = NonZero::new(80).unwrap();
@@ -117,7 +117,7 @@ fn a_plot_shows_variables_of_several_processors_and_restarts() {
 
 #[test]
 fn a_recording_is_plotted() {
-    let up = Up::start(TWO, &[]);
+    let up = start(&[]);
     let place = tempfile::tempdir().unwrap();
     let file = place.path().join("run.mcap");
     let file = file.to_str().unwrap();
