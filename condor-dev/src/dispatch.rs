@@ -4,7 +4,7 @@ use core::num::NonZeroU32;
 
 use crate::bus::Bus;
 use crate::driver::{Attention, Driver};
-use crate::interrupt::{InterruptController, InterruptVector};
+use crate::interrupt::{InterruptController, InterruptEntry, InterruptVector};
 use crate::record::{Answer, ENDLESS, InterruptCounts};
 use crate::set::{DeviceSet, Link, Visitor};
 use crate::switch::Switch;
@@ -116,6 +116,30 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             }
         }
         answer
+    }
+}
+
+impl<B, C, S, const F: usize> InterruptEntry for Switch<B, C, S, F>
+where
+    B: Bus + Sync,
+    C: InterruptController + Sync,
+    S: DeviceSet + Sync,
+{
+    fn serve_interrupts(&self) {
+        self.on_interrupt();
+    }
+
+    fn counts(&self) -> InterruptCounts {
+        self.interrupt_counts()
+    }
+
+    fn each_unhandled(&self, each: &mut dyn FnMut(InterruptVector, u32)) {
+        self.unhandled()
+            .for_each(|(vector, count)| each(vector, count));
+    }
+
+    fn each_stuck(&self, each: &mut dyn FnMut(InterruptVector, u32)) {
+        self.stuck().for_each(|(vector, count)| each(vector, count));
     }
 }
 

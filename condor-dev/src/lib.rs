@@ -87,7 +87,9 @@ pub use driver::{Attention, DeviceError, Driver};
 pub use drivers::register::{Count, ShadowRegister};
 pub use error::{IoError, OpenError};
 pub use fd::{Fd, FdError, OpenMode};
-pub use interrupt::{InterruptController, InterruptLevel, InterruptVector, NoInterrupts};
+pub use interrupt::{
+    InterruptController, InterruptEntry, InterruptLevel, InterruptVector, NoInterrupts,
+};
 pub use mmio::Mmio;
 pub use record::InterruptCounts;
 pub use ring::{Ring, RingReader, RingWriter};

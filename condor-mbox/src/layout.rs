@@ -19,6 +19,9 @@ pub const NAME_BYTES: usize = 32;
 pub const JOINING: u32 = u32::MAX;
 /// The number of bytes at the beginning of each `data` that belong to the doorbell.
 pub const BELL_BYTES: u32 = LINE;
+/// The byte offset in `data` of the word that has a bit for each line by which boards that are memory
+/// interrupt the processor.
+pub const BOARD_LINES: u32 = 8;
 
 const_assert!(SLOTS.is_power_of_two());
 

@@ -43,7 +43,7 @@ impl Context {
 /// If the bus does not answer, the PLIC behaves as if it had no interrupt.
 ///
 /// Source: RISC-V Platform-Level Interrupt Controller Specification 1.0.0.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Plic<B> {
     bus: B,
     base: usize,
@@ -80,12 +80,17 @@ impl<B: Bus> Plic<B> {
         }
     }
 
-    /// Disables all sources of the context, and sets its threshold to 0. Call it at start-up, since
-    /// an earlier program may have left sources enabled.
+    /// Disables all sources of the context, completes those that it has claimed, and sets its threshold to
+    /// 0. Call it at start-up, since an earlier program may have left sources enabled, or in service.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.
     pub fn reset(&self) -> Result<(), B::Error> {
+        // Sources are enabled while they are completed.
+        self.set_threshold(self.highest)?;
+        for source in 1..=self.sources {
+            self.try_complete(InterruptVector(source))?;
+        }
         for word in 0..=usize::from(self.sources / 32) {
             self.registers().write32(self.enable_word(word), 0)?;
         }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::control::Member;
-use condor_host::view::{LoopRates, LoopSample, VectorCounts, View, ViewError};
+use condor_host::view::{BoardInterrupts, LoopRates, LoopSample, VectorCounts, View, ViewError};
 
 /// The counts of a loop or a vector, and the processor or service that has it.
 #[derive(Clone, Debug, Serialize)]
@@ -17,7 +17,10 @@ pub(crate) struct Row<C> {
 }
 
 impl<C> Row<C> {
-    pub(crate) fn all(member: &Member, counts: Vec<C>) -> impl Iterator<Item = Self> {
+    pub(crate) fn all(
+        member: &Member,
+        counts: impl IntoIterator<Item = C>,
+    ) -> impl Iterator<Item = Self> {
         counts.into_iter().map(|counts| Self {
             processor: member.name.clone(),
             counts,
@@ -57,6 +60,62 @@ pub(crate) fn vectors<'m>(
         rows.extend(Row::all(member, view.vectors(member.processor())?));
     }
     Ok(rows)
+}
+
+/// Returns the counts of the interrupts of those processors whose boards interrupt.
+pub(crate) fn interrupts(
+    view: &View,
+    members: &[Member],
+) -> Result<Vec<Row<BoardInterrupts>>, ViewError> {
+    let mut rows = Vec::new();
+    for member in members {
+        rows.extend(Row::all(member, view.interrupts(member.processor())?));
+    }
+    Ok(rows)
+}
+
+/// Returns a table that begins with an empty line, or nothing if no board interrupts.
+pub(crate) fn table_of_interrupts(rows: &[Row<BoardInterrupts>]) -> String {
+    let mut table = TextTable::new([
+        ("processor", Left),
+        ("interrupts", Right),
+        ("unclaimed", Right),
+        ("unhandled", Right),
+        ("stuck", Right),
+        ("spurious", Right),
+        ("vectors", Left),
+    ]);
+    for Row { processor, counts } in rows {
+        table.row([
+            processor.clone(),
+            counts.served.to_string(),
+            counts.unclaimed.to_string(),
+            counts.unhandled.to_string(),
+            counts.stuck.to_string(),
+            counts.spurious.to_string(),
+            named_vectors(counts),
+        ]);
+    }
+    if rows.is_empty() {
+        String::new()
+    } else {
+        format!("\n{table}")
+    }
+}
+
+/// Names what interrupted although it should not have.
+fn named_vectors(counts: &BoardInterrupts) -> String {
+    let list = |what: &str, numbers: Vec<String>| {
+        (!numbers.is_empty()).then(|| format!("{what} {}", numbers.join(", ")))
+    };
+    let texts = |numbers: &[u16]| numbers.iter().map(u16::to_string).collect();
+    let causes = counts.unhandled_causes.iter().map(u8::to_string).collect();
+    let named = [
+        list("without a driver:", texts(&counts.unhandled_vectors)),
+        list("stuck:", texts(&counts.stuck_vectors)),
+        list("traps:", causes),
+    ];
+    named.into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
 
 pub(crate) fn table_of_loops(rows: &[Row<LoopRates>]) -> TextTable<9> {

@@ -24,14 +24,52 @@ const TOO_MANY_READINGS: u32 = 1_000_000;
 /// The time for which a program may still run after the instant for stopping, in nanoseconds.
 const PATIENCE_NS: u64 = 10_000_000_000;
 
-/// A handler of the timer.
+/// A handler of an interrupt.
 type Handler = &'static (dyn Fn() + Sync);
+
+/// An interrupt that may have a handler.
+#[derive(Debug)]
+struct Connection {
+    /// The address of a reference to the handler, on the stack of `with`; or null.
+    handler: AtomicPtr<Handler>,
+}
+
+impl Connection {
+    const fn new() -> Self {
+        Self {
+            handler: AtomicPtr::new(ptr::null_mut()),
+        }
+    }
+
+    /// Runs `program`, with which the interrupt has this handler; `None` if it has one already.
+    fn with<R>(&self, handler: &(dyn Fn() + Sync), program: impl FnOnce() -> R) -> Option<R> {
+        // SAFETY: only the lifetime differs. `_disconnect` takes it away before it ends, also when
+        // the program unwinds; a call in progress is on this stack, and so ends before.
+        let mut handler = unsafe { core::mem::transmute::<&(dyn Fn() + Sync), Handler>(handler) };
+        (!self.is_connected()).then(|| {
+            self.handler.store(&raw mut handler, Relaxed);
+            let _disconnect = AtEnd(|| self.handler.store(ptr::null_mut(), Relaxed));
+            program()
+        })
+    }
+
+    fn is_connected(&self) -> bool {
+        !self.handler.load(Relaxed).is_null()
+    }
+
+    fn handler(&self) -> Option<Handler> {
+        // SAFETY: it is null, or leads to the stack of `with`, which has not ended: only the program
+        // of this processor comes here.
+        unsafe { self.handler.load(Relaxed).as_ref() }.copied()
+    }
+}
 
 /// The simulated clock as one processor uses it: to read the time, to let time pass, to set its
 /// timer, to ring and to wait.
 ///
 /// The timer interrupts at exactly the instant for which it is armed: in waits, where the
-/// background passes time, and while a slower loop spends its declared time.
+/// background passes time, and while a slower loop spends its declared time. Boards interrupt in waits, and
+/// where the background passes time: at the instant at which the processor is rung for them.
 ///
 /// ```
 /// # #[cfg(feature = "linux")] {
@@ -54,8 +92,8 @@ pub struct LocalClock<P, H> {
     by: H,
     /// The instant at which the timer interrupts.
     armed: AtomicU64,
-    /// The address of a reference to the handler that the timer calls, on the stack of `with_handler`.
-    handler: AtomicPtr<Handler>,
+    timer: Connection,
+    boards: Connection,
     /// Whether the timer may interrupt.
     open: AtomicBool,
     /// The number of contexts in which the processor is and in which no time passes.
@@ -76,7 +114,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
             page,
             by,
             armed: AtomicU64::new(NEVER),
-            handler: AtomicPtr::new(ptr::null_mut()),
+            timer: Connection::new(),
+            boards: Connection::new(),
             open: AtomicBool::new(true),
             still: AtomicU32::new(0),
             readings: AtomicU32::new(0),
@@ -185,15 +224,17 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         handler: &(dyn Fn() + Sync),
         program: impl FnOnce() -> R,
     ) -> Option<R> {
-        // SAFETY: only the lifetime differs. `_disconnect` takes it away before it ends, also when
-        // the program unwinds; a call in progress is on this stack, and so ends before.
-        let mut handler = unsafe { core::mem::transmute::<&(dyn Fn() + Sync), Handler>(handler) };
-        let free = self.handler.load(Relaxed).is_null();
-        free.then(|| {
-            self.handler.store(&raw mut handler, Relaxed);
-            let _disconnect = AtEnd(|| self.handler.store(ptr::null_mut(), Relaxed));
-            program()
-        })
+        self.timer.with(handler, program)
+    }
+
+    /// Runs `program` and returns its result; meanwhile calls `handler` where boards may interrupt. `handler` looks
+    /// whether one does. Returns `None` without running `program` if there is such a handler already.
+    pub fn with_boards<R>(
+        &self,
+        handler: &(dyn Fn() + Sync),
+        program: impl FnOnce() -> R,
+    ) -> Option<R> {
+        self.boards.with(handler, program)
     }
 
     /// Runs the loop of rank `rank`, where the fastest loop has rank 0: first `body`, during which
@@ -218,11 +259,15 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
             let interrupt = self.next_interrupt();
             let at = now.saturating_add(left).min(interrupt);
             self.turn(at, Until::Instant);
-            if interrupt > at {
+            let is_over = interrupt > at;
+            if !is_over {
+                left -= at - now;
+                self.interrupt();
+            }
+            self.serve_boards();
+            if is_over {
                 return;
             }
-            left -= at - now;
-            self.interrupt();
         }
     }
 
@@ -259,6 +304,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
             return self.page.ask(self.number, service, seen, &self.by);
         }
         let was_stopping = self.is_stopping();
+        self.serve_boards();
         loop {
             let now = self.now();
             // In a loop or a handler nothing interrupts a wait.
@@ -272,6 +318,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
             if interrupt <= at {
                 self.interrupt();
             }
+            self.serve_boards();
             if self.now() >= until || self.rings() != seen || (!was_stopping && self.is_stopping())
             {
                 return;
@@ -294,7 +341,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
 
     /// When the timer interrupts next; [`NEVER`] if it cannot.
     fn next_interrupt(&self) -> u64 {
-        if self.handler.load(Relaxed).is_null() || !self.open.load(Relaxed) {
+        if !self.timer.is_connected() || !self.open.load(Relaxed) {
             return NEVER;
         }
         match self.armed.load(Relaxed) {
@@ -304,14 +351,20 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
     }
 
     fn interrupt(&self) {
-        // SAFETY: it is null, or leads to the stack of `with_handler`, which has not ended: only
-        // the program of this processor comes here.
-        let handler = unsafe { self.handler.load(Relaxed).as_ref() };
-        if let Some(handler) = handler
+        if let Some(handler) = self.timer.handler()
             && self.open.swap(false, Relaxed)
         {
             let _restore = AtEnd(|| self.open.store(true, Relaxed));
             self.armed.store(NEVER, Relaxed);
+            self.standing_still(handler);
+        }
+    }
+
+    /// Has boards interrupt, unless loops run.
+    fn serve_boards(&self) {
+        if let Some(handler) = self.boards.handler()
+            && !self.stands_still()
+        {
             self.standing_still(handler);
         }
     }

@@ -5,11 +5,13 @@
 //! the state of terminals, and variables. To send messages, watch variables or set parameters, it
 //! must [join](View::join) first.
 
+mod interrupts;
 mod loops;
 mod terminals;
 mod variables;
 mod vectors;
 
+pub use interrupts::BoardInterrupts;
 pub use loops::{LoopRates, LoopSample};
 pub use terminals::TerminalCounts;
 pub use variables::Variables;

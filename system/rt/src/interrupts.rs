@@ -1,19 +1,19 @@
-//! [`Interrupts`]: counts of a machine's interrupts.
+//! [`Interrupts`]: what became of the interrupts of a program's boards.
 
-use condor_dev::{InterruptCounts, InterruptVector};
+use condor_dev::{InterruptEntry, InterruptVector};
 use condor_vars::cell_struct;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-/// The greatest number of vectors without a driver that are named.
+/// The greatest number of vectors that are named.
 const NAMED: usize = 8;
 /// No vector.
 const NONE: i32 = -1;
 
-/// Counts of the interrupts that a machine's boards raised. Interrupts of the machine's timer and
+/// Counts of the interrupts that a program's boards raised. Interrupts of the machine's timer and
 /// of its mailbox are not counted. The counts wrap.
 ///
-/// On a machine whose boards can interrupt, a program that [`Setup`](crate::Setup) makes publishes
-/// these counts in a cell called `interrupts`, which other programs can read.
+/// A program with [`Setup::interrupts`](crate::Setup::interrupts) publishes these counts in a cell
+/// called `interrupts`, which other programs can read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Interrupts {
@@ -25,39 +25,50 @@ pub struct Interrupts {
     pub unclaimed: u32,
     /// The number of interrupts of a vector that belongs to no board.
     pub unhandled: u32,
-    /// The number of vectors that were disabled because their interrupt stayed pending.
+    /// The number of times that a vector was disabled because its interrupts did not end.
     pub stuck: u32,
     /// The numbers of the first vectors that interrupted and belong to no board; unused elements
     /// are -1.
     pub unhandled_vectors: [i32; NAMED],
+    /// The numbers of the first vectors that were disabled because their interrupts did not end;
+    /// unused elements are -1.
+    pub stuck_vectors: [i32; NAMED],
     /// The set of causes of traps for which the processor has no handler, and which are now
     /// disabled: bit *n* stands for cause *n*.
     pub unhandled_causes: u32,
 }
 
 impl Interrupts {
-    /// Makes the record from `counts`, the counts of a [`Switch`](condor_dev::Switch), and from
-    /// `unhandled`, the vectors that interrupted and belong to no board. Keeps the first 8 of these
-    /// vectors, without their counts. `unhandled_causes` begins as 0.
+    /// The name of the cell in the object table of a processor.
+    pub const NAME: &str = "interrupts";
+
+    /// Makes the record of an entry, and keeps the first 8 of the vectors that it names.
     #[must_use]
-    pub fn new(
-        counts: InterruptCounts,
-        unhandled: &mut dyn Iterator<Item = (InterruptVector, u32)>,
-    ) -> Self {
-        let mut unhandled_vectors = [NONE; NAMED];
-        for (place, (vector, _)) in unhandled_vectors.iter_mut().zip(unhandled) {
-            *place = vector.0.into();
-        }
+    pub fn of(entry: &dyn InterruptEntry, unhandled_causes: u32) -> Self {
+        let counts = entry.counts();
         Self {
             served: counts.served,
             spurious: counts.spurious,
             unclaimed: counts.unclaimed,
             unhandled: counts.unhandled,
             stuck: counts.stuck,
-            unhandled_vectors,
-            unhandled_causes: 0,
+            unhandled_vectors: first(|each| entry.each_unhandled(each)),
+            stuck_vectors: first(|each| entry.each_stuck(each)),
+            unhandled_causes,
         }
     }
+}
+
+/// The first vectors that `all` calls its argument with.
+fn first(all: impl FnOnce(&mut dyn FnMut(InterruptVector, u32))) -> [i32; NAMED] {
+    let mut named = [NONE; NAMED];
+    let mut places = named.iter_mut();
+    all(&mut |vector, _| {
+        if let Some(place) = places.next() {
+            *place = vector.0.into();
+        }
+    });
+    named
 }
 
 cell_struct!(Interrupts {
@@ -67,5 +78,6 @@ cell_struct!(Interrupts {
     "unhandled": unhandled, "";
     "stuck": stuck, "";
     "unhandled_vector": unhandled_vectors, "", "-1 is none.";
+    "stuck_vector": stuck_vectors, "", "-1 is none.";
     "unhandled_causes": unhandled_causes, "", "Bits of the numbers of causes.";
 });

@@ -23,6 +23,8 @@ mod variables;
 
 // The parts that a program needs of its processor.
 mod interrupts;
+#[cfg(target_has_atomic = "32")]
+mod lines;
 mod machine;
 pub mod numbers;
 mod silent;
@@ -66,6 +68,8 @@ pub use condor_vars::{Param, Params, Var, Vars};
 
 pub use error::ProgramError;
 pub use interrupts::Interrupts;
+#[cfg(target_has_atomic = "32")]
+pub use lines::{BoardLines, LineState, Raiser};
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
 pub use running::{Background, ConsoleOf, FILES, FilesOf, HandlerCall, LoopTick};

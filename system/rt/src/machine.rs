@@ -1,13 +1,12 @@
 //! [`Machine`]: the parts of a processor that a program uses.
 
-use condor_dev::Bus;
+use condor_dev::{Bus, InterruptController, InterruptEntry};
 use condor_mbox::{
     self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Region, Waiting, Windows,
 };
 use condor_mos::{Loops, Rate};
 
 use crate::error::ProgramError;
-use crate::interrupts::Interrupts;
 use crate::numbers::PROCESSORS;
 use crate::servo::ServoLoop;
 
@@ -37,6 +36,8 @@ pub trait Machine: Sync {
     type Exclusion: Exclusion + Clone + Sync;
     /// The bus to which the boards are connected.
     type Bus: Bus + Clone + Send + Sync;
+    /// The controller of the boards' interrupts.
+    type Controller: InterruptController + Clone + Send + Sync;
 
     /// Returns the number of this processor.
     fn number(&self) -> Processor;
@@ -55,6 +56,34 @@ pub trait Machine: Sync {
 
     /// Returns the bus to which the boards are connected.
     fn bus(&self) -> Self::Bus;
+
+    /// Returns the controller of the boards' interrupts, for a [`Switch`](condor_dev::Switch).
+    fn interrupt_controller(&self) -> Self::Controller;
+
+    /// Runs `background`, and serves the boards' interrupts by `entry` meanwhile. They interrupt background and message
+    /// handlers, and servo loops interrupt them. In a program that [`Setup`](crate::Setup) makes, call
+    /// [`Setup::interrupts`](crate::Setup::interrupts).
+    ///
+    /// | machine | what serves |
+    /// |---|---|
+    /// | a process whose loops run in threads or signals | a thread, as soon as the processor is rung |
+    /// | a process that spins | the background, at the points where it polls |
+    /// | a processor in simulated time | the background where it waits, at the instant of the interrupt: after the loops of that instant and before its messages |
+    /// | a hart | an interrupt of the hart |
+    ///
+    /// # Errors
+    /// [`ProgramError`] if interrupts cannot be served; `background` has not run then.
+    fn with_interrupts<R>(
+        &self,
+        entry: &dyn InterruptEntry,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError>;
+
+    /// Returns the set of causes of traps for which the processor has no handler, and which are now disabled: bit *n*
+    /// stands for cause *n*.
+    fn unhandled_causes(&self) -> u32 {
+        0
+    }
 
     /// Returns the memory that belongs to no processor and that all processors and the host can
     /// access; `None` if the system has none.
@@ -124,12 +153,6 @@ pub trait Machine: Sync {
     ) -> Result<R, ProgramError> {
         let _ = serve;
         Ok(background())
-    }
-
-    /// Returns the counts of the boards' interrupts so far; `None` if boards cannot interrupt on
-    /// this machine.
-    fn interrupts(&self) -> Option<Interrupts> {
-        None
     }
 
     /// Runs `loops` and `background`. The number of a loop is its index in `loops`. `background`

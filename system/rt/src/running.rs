@@ -6,6 +6,7 @@ use core::fmt::{self, Write as _};
 use core::ops::Deref;
 use core::time::Duration;
 
+use condor_dev::InterruptEntry;
 use condor_fs::{Area, FileSystem};
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, Clock as _, Doorbell as _, Exclusion, Instant, MemoryWindow};
@@ -129,6 +130,7 @@ pub struct Background<'b, M: Machine> {
     pub(crate) names: &'b [&'b str],
     /// For each loop, the rate that its parameter asks for, and the rate that was set last, in Hz.
     pub(crate) rates_hz: &'b [Option<(&'b Param<u32>, Cell<u32>)>],
+    pub(crate) interrupts: Option<&'b dyn InterruptEntry>,
     pub(crate) reports: RefCell<(Instant, Reports<M>)>,
 }
 
@@ -346,8 +348,8 @@ impl<'b, M: Machine> Background<'b, M> {
         &self,
         (interrupts, reports): &mut Reports<M>,
     ) -> Result<(), ProgramError> {
-        if let (Some(shown), Some(interrupts)) = (interrupts, self.machine.interrupts()) {
-            shown.publish(&interrupts)?;
+        if let Some((shown, entry)) = interrupts.as_mut().zip(self.interrupts) {
+            shown.publish(&Interrupts::of(entry, self.machine.unhandled_causes()))?;
         }
         if let Some(loops) = self.loops {
             for (number, report) in (0..).zip(reports) {

@@ -3,6 +3,7 @@
 use core::cell::{Cell, RefCell};
 use core::time::Duration;
 
+use condor_dev::InterruptEntry;
 use condor_fs::Area;
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, AccessError, Clock as _, Doorbell as _, Instant, MemoryWindow};
@@ -16,6 +17,7 @@ use heapless::Vec;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::error::ProgramError;
+use crate::interrupts::Interrupts;
 use crate::list::{List, fitting};
 use crate::loops::LoopReport;
 use crate::machine::Machine;
@@ -78,6 +80,7 @@ pub struct Setup<'e, M: Machine> {
     /// The room for requests to the supervisor.
     asks: Option<Allocator>,
     waiting: Waiting,
+    interrupts: Option<&'e dyn InterruptEntry>,
     handlers: List<(Vector, &'e str, MessageHandler<'e>), HANDLERS>,
     loops: List<Loop<'e>, LOOPS>,
     /// The variables, and below the parameters: those of the first loop, then those of the second, and so on.
@@ -158,6 +161,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             area: None,
             asks: None,
             waiting: machine.waiting(),
+            interrupts: None,
             handlers: List::new(),
             loops: List::new(),
             watched: List::new(),
@@ -209,6 +213,17 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// sleeping or both. The default is [`Machine::waiting`].
     pub const fn waiting(&mut self, waiting: Waiting) -> &mut Self {
         self.waiting = waiting;
+        self
+    }
+
+    /// Has the program's boards interrupt: `entry` serves them. It is usually a
+    /// [`Switch`](condor_dev::Switch) with the controller that
+    /// [`interrupt_controller`](Machine::interrupt_controller) returns. The counts of interrupts are
+    /// published in a cell called `interrupts`, see [`Interrupts`].
+    ///
+    /// An entry replaces the one that was set before.
+    pub fn interrupts(&mut self, entry: &'e dyn InterruptEntry) -> &mut Self {
+        self.interrupts = Some(entry);
         self
     }
 
@@ -472,8 +487,9 @@ impl<'e, M: Machine> Setup<'e, M> {
         }
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports()?;
-        let interrupts = self.machine.interrupts();
-        let interrupts = interrupts.map(|_| self.publish_fields("interrupts"));
+        let interrupts = self
+            .interrupts
+            .map(|_| self.publish_fields(Interrupts::NAME));
         let reports = (interrupts.transpose()?, reports);
         let watched: Vec<&dyn Watch, VARIABLES> = fitting(self.watched.iter().copied());
         let tuned: Vec<&dyn Tune, VARIABLES> = fitting(self.tuned.iter().copied());
@@ -551,6 +567,7 @@ impl<'e, M: Machine> Setup<'e, M> {
                 loops,
                 names: &names,
                 rates_hz: &rates_hz,
+                interrupts: self.interrupts,
                 reports: RefCell::new((machine.doorbell().now(), reports)),
             };
             if let Some(loops) = loops {
@@ -563,16 +580,22 @@ impl<'e, M: Machine> Setup<'e, M> {
         };
         // An error of the processor's own memory is found by the background.
         let serve = || mailbox.serve(Duration::ZERO).unwrap_or(0);
-        machine.with_mail(serve, || {
-            // A ring since the mailbox joined, but before `serve` was connected, was not heard.
-            if machine.mail_interrupts() {
-                machine.doorbell().ring(machine.number());
-            }
-            if loops.is_empty() {
-                return run(None);
-            }
-            machine.with_loops(&mut loops, |loops| run(Some(loops)))?
-        })?
+        let run = || {
+            machine.with_mail(serve, || {
+                // A ring since the mailbox joined, but before `serve` was connected, was not heard.
+                if machine.mail_interrupts() {
+                    machine.doorbell().ring(machine.number());
+                }
+                if loops.is_empty() {
+                    return run(None);
+                }
+                machine.with_loops(&mut loops, |loops| run(Some(loops)))?
+            })?
+        };
+        match self.interrupts {
+            Some(entry) => machine.with_interrupts(entry, run)?,
+            None => run(),
+        }
     }
 
     /// Makes the tables of the loops that have variables or parameters.

@@ -5,8 +5,43 @@
 use core::ops::Deref;
 
 use condor_clock::{Handover, LocalClock, Page};
-use condor_mbox::{self as mbox, Clock, Doorbell, Evidence, Exclusion, Instant};
+use condor_dev::InterruptEntry;
+use condor_mbox::{self as mbox, Clock, Doorbell, Evidence, Exclusion, Instant, MemoryWindow};
 use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
+
+use crate::error::ProgramError;
+use crate::lines::{BoardLines, LineState};
+
+/// Runs `background`, and serves the interrupts of a processor's `lines` by `entry` meanwhile, where `clock` lets them
+/// in. Machines in simulated time implement
+/// [`with_interrupts`](crate::Machine::with_interrupts) by this.
+///
+/// # Errors
+/// [`ProgramError::Twice`] if they are served already; `background` has not run then.
+pub fn with_interrupts<P, H, W, S, R>(
+    clock: &LocalClock<P, H>,
+    lines: &BoardLines<W, S>,
+    entry: &dyn InterruptEntry,
+    background: impl FnOnce() -> R,
+) -> Result<R, ProgramError>
+where
+    P: Deref<Target = Page>,
+    H: Handover,
+    W: MemoryWindow + Sync,
+    S: Deref<Target = LineState> + Sync,
+{
+    let serve = || {
+        if lines.is_pending() {
+            entry.serve_interrupts();
+        }
+    };
+    clock.with_boards(&serve, background).ok_or(SERVED_TWICE)
+}
+
+/// The boards' interrupts are served already.
+pub(crate) const SERVED_TWICE: ProgramError = ProgramError::Twice {
+    what: "entry of interrupts",
+};
 
 /// The doorbell of a processor in simulated time; `C` dereferences to the [`LocalClock`] of that
 /// processor. All clones are the same doorbell.

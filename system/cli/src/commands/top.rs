@@ -9,12 +9,12 @@ use serde::Serialize;
 use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::counts::{LastLook, Row, note_of_loops, table_of_loops};
+use crate::counts::{self, LastLook, Row, note_of_loops, table_of_interrupts, table_of_loops};
 use crate::screen;
 use condor_host::control::ClockStatus;
 use condor_host::error::AnyError;
 use condor_host::signals;
-use condor_host::view::LoopRates;
+use condor_host::view::{BoardInterrupts, LoopRates};
 
 #[derive(Debug, Args)]
 pub(crate) struct Top {
@@ -33,6 +33,7 @@ struct Answer<'s> {
     system: &'s str,
     clock: Option<&'s ClockStatus>,
     loops: &'s [Row<LoopRates>],
+    interrupts: &'s [Row<BoardInterrupts>],
 }
 
 impl Top {
@@ -55,7 +56,8 @@ impl Top {
             running.check()?;
             let clock = running.clock()?;
             let loops = last.since(&view, processors)?;
-            self.show(&running, clock.as_ref(), &loops, repaint)?;
+            let interrupts = counts::interrupts(&view, processors)?;
+            self.show(&running, clock.as_ref(), (&loops, &interrupts), repaint)?;
             if self.once {
                 return Ok(());
             }
@@ -66,7 +68,7 @@ impl Top {
         &self,
         running: &Running,
         clock: Option<&ClockStatus>,
-        loops: &[Row<LoopRates>],
+        (loops, interrupts): (&[Row<LoopRates>], &[Row<BoardInterrupts>]),
         repaint: bool,
     ) -> Result<(), AnyError> {
         let system = &running.status.system;
@@ -75,12 +77,16 @@ impl Top {
                 system,
                 clock,
                 loops,
+                interrupts,
             });
         }
         let clear = if repaint { "\x1b[H\x1b[J" } else { "" };
         let more = if self.once || repaint { "" } else { "\n" };
         let clock = clock.map_or_else(String::new, |clock| format!("{clock}\n"));
         let (table, note) = (table_of_loops(loops), note_of_loops(loops));
-        print(format_args!("{clear}{clock}{table}{note}{more}"))
+        let interrupts = table_of_interrupts(interrupts);
+        print(format_args!(
+            "{clear}{clock}{table}{note}{interrupts}{more}"
+        ))
     }
 }

@@ -3,17 +3,20 @@
 use serde::Serialize;
 
 use super::AnyError;
-use crate::counts::{self, Row, note_of_loops, table_of_loops, table_of_vectors};
+use crate::counts::{
+    self, Row, note_of_loops, table_of_interrupts, table_of_loops, table_of_vectors,
+};
 use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::control::SystemStatus;
 use condor_host::plain::plain_json;
 use condor_host::system::SystemDirectory;
-use condor_host::view::{LoopRates, VectorCounts, View};
+use condor_host::view::{BoardInterrupts, LoopRates, VectorCounts, View};
 
 /// The counts that the windows had before the programs were stopped.
 #[derive(Default)]
 pub(super) struct Summary {
     loops: Vec<Row<LoopRates>>,
+    interrupts: Vec<Row<BoardInterrupts>>,
     vectors: Vec<Row<VectorCounts>>,
 }
 
@@ -22,6 +25,7 @@ struct Answer<'s> {
     #[serde(flatten)]
     status: &'s SystemStatus,
     loops: &'s [Row<LoopRates>],
+    interrupts: &'s [Row<BoardInterrupts>],
     vectors: &'s [Row<VectorCounts>],
 }
 
@@ -41,7 +45,12 @@ impl Summary {
             loops.extend(Row::all(member, rates));
         }
         let vectors = counts::vectors(&view, status.members())?;
-        Ok(Self { loops, vectors })
+        let interrupts = counts::interrupts(&view, &status.processors)?;
+        Ok(Self {
+            loops,
+            interrupts,
+            vectors,
+        })
     }
 
     /// Prints it, for people or as JSON, with what the supervisor knows.
@@ -50,19 +59,20 @@ impl Summary {
     /// Standard output's.
     pub(super) fn print(&self, status: &SystemStatus, json: bool) -> Result<(), AnyError> {
         if json {
-            let (loops, vectors) = (&self.loops, &self.vectors);
             let answer = Answer {
                 status,
-                loops,
-                vectors,
+                loops: &self.loops,
+                interrupts: &self.interrupts,
+                vectors: &self.vectors,
             };
             println!("{}", plain_json(&answer)?);
             return Ok(());
         }
         println!(
-            "\n{}{}",
+            "\n{}{}{}",
             table_of_loops(&self.loops),
-            note_of_loops(&self.loops)
+            note_of_loops(&self.loops),
+            table_of_interrupts(&self.interrupts)
         );
         println!("{}", table_of_vectors(&self.vectors));
         println!("{}", members(status));

@@ -16,6 +16,7 @@
 //! | a loop runs | in a thread of its own | where the background polls the timer | in a signal handler, on the stack of the background |
 //! | while a loop runs, the background and slower loops | can run on other cores | do not run; but a loop cannot interrupt them | do not run; the loop has interrupted them |
 //! | messages are served | by a thread of their own, even while the background computes | while the background waits | while the background waits |
+//! | boards interrupt | in a thread of their own | where the background polls the timer | in a thread of their own |
 //! | a loop that panics | is disabled, and counts as `faulted` | ends the program | ends the program |
 //! | `main` calls | [`run`] | [`run`] | [`run_allowing_signals`], which is `unsafe` |
 //! | the [`priority`](Environment::priority) applies to | the fastest loop; each slower loop has the next lower priority | the program | the program |
@@ -26,8 +27,8 @@
 //! `critical-section` crate. Only one critical section runs at a time. A thread that holds such a section or lock
 //! inherits the priority of the most urgent thread that waits for it. Handlers run one at a time; the messages
 //! of each sender are handled in the order in which it sent them, whichever thread serves. The
-//! thread that serves messages has a priority below that of all loops; the background has the
-//! ordinary policy.
+//! thread that serves the boards' interrupts has a priority below that of all loops, and the one that
+//! serves messages the next lower one; the background has the ordinary policy.
 //!
 //! With `spin` the program takes a whole core. The background polls the timer whenever it waits or
 //! reads the doorbell's clock (a mailbox that waits reads that clock again and again), and runs the

@@ -7,6 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use condor_clock::LocalClock;
+use condor_dev::InterruptEntry;
 use condor_dev::linux::{LinuxBus, MapAccess};
 use condor_mbox::linux::{LinuxDoorbell, LinuxSystem, LinuxWindow};
 use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
@@ -23,17 +24,18 @@ use super::sections::{ProcessSections, Sections, Server};
 use super::spinner::Spinner;
 use super::timer::{NANOSECONDS, ProcessTimer};
 use crate::error::ProgramError;
+use crate::lines::{BoardLines, LineState};
 use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
 use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
 use crate::silent::Silent;
-use crate::simulated::{SimulatedBell, SimulatedSection, SimulatedTimer};
+use crate::simulated::{self, SimulatedBell, SimulatedSection, SimulatedTimer};
 
 /// The longest wait for a number whose previous owner is exiting.
 const SUCCESSION: Duration = Duration::from_secs(5);
 /// The time between two looks for rings that the memory cannot tell of.
 const LOOK: Duration = Duration::from_millis(5);
-/// The longest sleep of the thread that serves messages.
+/// The longest sleep of a thread that serves.
 const NAP: Duration = Duration::from_millis(100);
 
 /// A process of Linux as a processor: the [`Machine`] of its program.
@@ -46,6 +48,7 @@ pub struct LinuxProcess {
     doorbell: LinuxDoorbell<PROCESSORS>,
     way: LoopPlatform,
     bus: ProcessBus,
+    lines: Arc<LineState>,
     shared_memory: Option<Region<LinuxWindow>>,
     arguments: Vec<String>,
     stopping: Arc<AtomicBool>,
@@ -160,11 +163,13 @@ impl LinuxProcess {
             doorbell,
             way,
             bus,
+            lines: Arc::default(),
             shared_memory,
             arguments: arguments.into_iter().collect(),
             stopping,
         };
         machine.tell(&wishes.request());
+        machine.interrupt_controller().clear();
         if let LoopPlatform::Simulated(clock) = &machine.way {
             clock.announce(0);
             // Nobody goes on before it has seen that all are there.
@@ -172,6 +177,54 @@ impl LinuxProcess {
             clock.begin();
         }
         Ok(machine)
+    }
+
+    /// Runs `background`, and beside it a thread that calls `serve` at each ring. `below` is the difference of its
+    /// priority from that of the fastest loop. `serve` says whether there was something to serve.
+    fn with_thread<R>(
+        &self,
+        name: &'static str,
+        below: usize,
+        serve: impl Fn() -> bool + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        let (bell, ended) = (&self.doorbell, AtomicBool::new(false));
+        let attend = || {
+            if let LoopPlatform::Threads(priority, _) = self.way {
+                let below = |highest: u8| highest.saturating_sub(below as u8).max(1);
+                self.tell(&urgent(priority.map(below)).request());
+            }
+            let _stop = StopOnPanic(&self.stopping);
+            // Relaxed: it comes with a ring, and no later than a nap.
+            while !ended.load(Ordering::Relaxed) {
+                let seen = bell.prepare();
+                while serve() {
+                    // The background was rung before this was served, and now looks again.
+                    bell.ring(self.number);
+                }
+                // Without a ring nothing is served: then the heart beats only if the background does.
+                while bell.prepare() == seen && !ended.load(Ordering::Relaxed) {
+                    let until = bell.now().after(NAP);
+                    bell.wait(seen, until, None);
+                    if bell.prepare() == seen && bell.now() < until {
+                        // A signal, or memory that is gone.
+                        thread::sleep(LOOK);
+                    }
+                }
+            }
+        };
+        thread::scope(|scope| {
+            let thread = thread::Builder::new().name(name.into());
+            let attending = thread.spawn_scoped(scope, attend);
+            attending.map_err(|error| {
+                ProgramError::program(&format_args!("cannot start the thread `{name}`: {error}"))
+            })?;
+            let _end = End {
+                ended: &ended,
+                bell,
+            };
+            Ok(background())
+        })
     }
 
     /// Says on standard error what the kernel has refused.
@@ -200,7 +253,7 @@ fn urgent(priority: Option<u8>) -> RealTime {
     priority.map_or(RealTime::none(), |one| RealTime::none().priority(one))
 }
 
-/// Ends the thread that serves messages, also when the background unwinds.
+/// Ends a thread that serves, also when the background unwinds.
 struct End<'e> {
     ended: &'e AtomicBool,
     bell: &'e LinuxDoorbell<PROCESSORS>,
@@ -213,7 +266,7 @@ impl Drop for End<'_> {
     }
 }
 
-/// Has the program end when a handler has panicked, as it does where handlers run in the background.
+/// Has the program end when what serves has panicked, as it does where that runs in the background.
 struct StopOnPanic<'s>(&'s AtomicBool);
 
 impl Drop for StopOnPanic<'_> {
@@ -240,6 +293,7 @@ impl Machine for LinuxProcess {
     type Doorbell = ProcessBell;
     type Exclusion = ProcessSections;
     type Bus = ProcessBus;
+    type Controller = BoardLines<LinuxWindow, Arc<LineState>>;
 
     fn number(&self) -> Processor {
         self.number
@@ -276,6 +330,41 @@ impl Machine for LinuxProcess {
         self.bus.clone()
     }
 
+    fn interrupt_controller(&self) -> Self::Controller {
+        let data = self.windows[self.number.index()].data.clone();
+        BoardLines::new(data, self.lines.clone())
+    }
+
+    fn with_interrupts<R>(
+        &self,
+        entry: &dyn InterruptEntry,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        let lines = self.interrupt_controller();
+        let serve = || {
+            let pending = lines.is_pending();
+            if pending {
+                entry.serve_interrupts();
+            }
+            pending
+        };
+        match &self.way {
+            LoopPlatform::Threads(..) | LoopPlatform::Signals => {
+                self.with_thread("boards", LOOPS, serve, background)
+            }
+            LoopPlatform::Spin(spinner) => {
+                let serve = || {
+                    serve();
+                };
+                let served = spinner.with_boards(serve, background);
+                served.map_err(|_| simulated::SERVED_TWICE)
+            }
+            LoopPlatform::Simulated(clock) => {
+                simulated::with_interrupts(clock, &lines, entry, background)
+            }
+        }
+    }
+
     /// A mailbox that is spun waits at its doorbell, where nothing but the timer is between two looks.
     fn waiting(&self) -> Waiting {
         match self.way {
@@ -303,45 +392,10 @@ impl Machine for LinuxProcess {
         serve: impl Fn() -> usize + Sync,
         background: impl FnOnce() -> R,
     ) -> Result<R, ProgramError> {
-        let LoopPlatform::Threads(priority, _) = self.way else {
+        if !self.mail_interrupts() {
             return Ok(background());
-        };
-        let (bell, ended) = (&self.doorbell, AtomicBool::new(false));
-        let attend = || {
-            // Below all loops.
-            let below = |highest: u8| highest.saturating_sub(LOOPS as u8).max(1);
-            self.tell(&urgent(priority.map(below)).request());
-            let _stop = StopOnPanic(&self.stopping);
-            // Relaxed: it comes with a ring, and no later than a nap.
-            while !ended.load(Ordering::Relaxed) {
-                let seen = bell.prepare();
-                while serve() > 0 {
-                    // The background was rung before the handlers ran, and now looks again.
-                    bell.ring(self.number);
-                }
-                // Without a ring nothing is served: then the heart beats only if the background does.
-                while bell.prepare() == seen && !ended.load(Ordering::Relaxed) {
-                    let until = bell.now().after(NAP);
-                    bell.wait(seen, until, None);
-                    if bell.prepare() == seen && bell.now() < until {
-                        // A signal, or memory that is gone.
-                        thread::sleep(LOOK);
-                    }
-                }
-            }
-        };
-        thread::scope(|scope| {
-            let thread = thread::Builder::new().name("mail".into());
-            let attending = thread.spawn_scoped(scope, attend);
-            attending.map_err(|error| {
-                ProgramError::program(&format_args!("cannot start a thread for messages: {error}"))
-            })?;
-            let _end = End {
-                ended: &ended,
-                bell,
-            };
-            Ok(background())
-        })
+        }
+        self.with_thread("mail", LOOPS + 1, || serve() > 0, background)
     }
 
     fn timer_frequency(&self) -> Rate {

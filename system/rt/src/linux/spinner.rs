@@ -1,21 +1,23 @@
-//! [`Spinner`]: a timer whose interrupt is a call where the background polls.
+//! [`Spinner`]: a timer and boards whose interrupts are calls where the background polls.
 
 use core::cell::Cell;
 use core::ptr;
-use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::thread::LocalKey;
 
 use condor_mos::ConnectError;
 
 const NEVER: u64 = u64::MAX;
 
-/// The instant at which the timer interrupts. Its handler is in a variable of the thread.
+/// The instant at which the timer interrupts. The handlers are in variables of the thread.
 #[derive(Debug)]
 pub(super) struct Spinner {
     armed: AtomicU64,
+    /// Whether boards have a handler.
+    boards: AtomicBool,
 }
 
-/// The handler that the polls of a thread call. It lives only as long as [`Spinner::with_handler`]
-/// runs.
+/// A handler that the polls of a thread call. It lives only as long as [`Spinner::with`] runs.
 #[derive(Clone, Copy)]
 struct Connected {
     /// Only compared.
@@ -25,14 +27,19 @@ struct Connected {
     closed: bool,
 }
 
+/// The place of a handler.
+type Place = &'static LocalKey<Cell<Option<Connected>>>;
+
 thread_local! {
-    static CONNECTED: Cell<Option<Connected>> = const { Cell::new(None) };
+    static TIMER: Cell<Option<Connected>> = const { Cell::new(None) };
+    static BOARDS: Cell<Option<Connected>> = const { Cell::new(None) };
 }
 
 impl Spinner {
     pub(super) const fn new() -> Self {
         Self {
             armed: AtomicU64::new(NEVER),
+            boards: AtomicBool::new(false),
         }
     }
 
@@ -44,52 +51,83 @@ impl Spinner {
         self.armed.store(NEVER, Relaxed);
     }
 
-    /// Calls the handler if its instant has passed at `now`, and this is its thread.
+    /// Calls the timer's handler if its instant has passed at `now`, and then that of boards, if this is their thread.
     #[inline]
     pub(super) fn poll(&self, now: u64) {
         if now >= self.armed.load(Relaxed) {
-            self.interrupt();
+            self.interrupt(&TIMER, Self::disarm);
+        }
+        if self.boards.load(Relaxed) {
+            self.interrupt(&BOARDS, |_| ());
         }
     }
 
+    /// Calls `before` and then the handler, if it may be called now.
     #[cold]
-    fn interrupt(&self) {
-        let Some(connected) = self.connected().filter(|connected| !connected.closed) else {
+    fn interrupt(&self, place: Place, before: fn(&Self)) {
+        // Boards do not interrupt loops.
+        let loops_run = self.connected(&TIMER).is_some_and(|timer| timer.closed);
+        let Some(connected) = self.connected(place) else {
             return;
         };
-        let _open = Restore(CONNECTED.replace(Some(Connected {
+        if connected.closed || loops_run {
+            return;
+        }
+        let closed = Connected {
             closed: true,
             ..connected
-        })));
-        self.armed.store(NEVER, Relaxed);
+        };
+        let _open = Restore(place, place.replace(Some(closed)));
+        before(self);
         (connected.handler)();
     }
 
     /// Whether this thread's stack is that of the loops; if not, has its thread look soon.
     pub(super) fn is_loops_stack(&self) -> bool {
-        let mine = self.connected().is_some();
+        let mine = self.connected(&TIMER).is_some();
         if !mine {
             self.armed.store(0, Relaxed);
         }
         mine
     }
 
-    fn connected(&self) -> Option<Connected> {
-        CONNECTED
-            .get()
-            .filter(|connected| ptr::eq(connected.spinner, self))
+    fn connected(&self, place: Place) -> Option<Connected> {
+        let connected = place.get();
+        connected.filter(|connected| ptr::eq(connected.spinner, self))
     }
 
-    /// Runs `background`, whose polls call `handler`, on this thread alone.
+    /// Runs `background`, whose polls call `handler` when the timer interrupts, on this thread alone.
     pub(super) fn with_handler<R>(
         &self,
         handler: impl Fn() + Sync,
         background: impl FnOnce() -> R,
     ) -> Result<R, ConnectError> {
-        if CONNECTED.get().is_some() {
+        self.with(&TIMER, &handler, background)
+    }
+
+    /// Runs `background`, whose polls call `handler`, which looks whether a board interrupts, on this thread alone.
+    pub(super) fn with_boards<R>(
+        &self,
+        handler: impl Fn() + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
+        self.with(&BOARDS, &handler, || {
+            self.boards.store(true, Relaxed);
+            let result = background();
+            self.boards.store(false, Relaxed);
+            result
+        })
+    }
+
+    fn with<R>(
+        &self,
+        place: Place,
+        handler: &(dyn Fn() + Sync),
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
+        if place.get().is_some() {
             return Err(ConnectError::Connected);
         }
-        let handler: &(dyn Fn() + Sync) = &handler;
         // SAFETY: only the lifetime differs. Only this thread finds the handler, and `_disconnect` takes it
         // away before it goes, also when the background unwinds; a call in progress is on this stack, and
         // so ends before.
@@ -101,16 +139,16 @@ impl Spinner {
             handler,
             closed: false,
         };
-        let _disconnect = Restore(CONNECTED.replace(Some(connected)));
+        let _disconnect = Restore(place, place.replace(Some(connected)));
         Ok(background())
     }
 }
 
 /// Puts back what the thread was connected to before.
-struct Restore(Option<Connected>);
+struct Restore(Place, Option<Connected>);
 
 impl Drop for Restore {
     fn drop(&mut self) {
-        CONNECTED.set(self.0);
+        self.0.set(self.1);
     }
 }

@@ -5,13 +5,14 @@ use std::sync::atomic::AtomicU32;
 
 use condor_clock::linux::Futex;
 use condor_clock::{ClockFault, Handover, LocalClock, Page};
-use condor_dev::Bus;
+use condor_dev::{Bus, InterruptEntry};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{self as mbox, Region, Windows};
 use condor_mos::{Loops, Rate, Timer as _};
 
 use super::error::Cause;
 use crate::error::ProgramError;
+use crate::lines::{BoardLines, LineState};
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
 use crate::servo::{ServoLoop, on_one_stack};
@@ -41,6 +42,7 @@ pub struct SimMachine<B> {
     windows: [Windows<LinuxWindow>; PROCESSORS],
     shared_memory: Option<Region<LinuxWindow>>,
     bus: B,
+    lines: Arc<LineState>,
     arguments: Vec<String>,
 }
 
@@ -85,6 +87,7 @@ impl<B> SimMachine<B> {
             windows,
             shared_memory,
             bus,
+            lines: Arc::default(),
             arguments,
         }
     }
@@ -119,6 +122,7 @@ impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
     type Doorbell = Bell;
     type Exclusion = SimCriticalSection;
     type Bus = B;
+    type Controller = BoardLines<LinuxWindow, Arc<LineState>>;
 
     fn number(&self) -> mbox::Processor {
         mbox::Processor(self.clock.number())
@@ -142,6 +146,20 @@ impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
 
     fn bus(&self) -> B {
         self.bus.clone()
+    }
+
+    fn interrupt_controller(&self) -> Self::Controller {
+        let number = usize::from(self.clock.number());
+        BoardLines::new(self.windows[number].data.clone(), self.lines.clone())
+    }
+
+    fn with_interrupts<R>(
+        &self,
+        entry: &dyn InterruptEntry,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        let lines = self.interrupt_controller();
+        simulated::with_interrupts(&self.clock, &lines, entry, background)
     }
 
     fn waiting(&self) -> mbox::Waiting {

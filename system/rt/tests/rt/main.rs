@@ -1,6 +1,8 @@
 //! Programs in virtual time and as processes, and what they show of themselves.
 
 mod hostile_words;
+mod lines;
+mod lines_linux;
 mod linux_conforms;
 mod linux_mail;
 mod one_text;

@@ -4,6 +4,7 @@
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
+use condor_dev::InterruptEntry;
 use condor_mbox::published::Subscriber;
 use condor_mbox::{Allocator, Clock as _, Doorbell as _, MemoryWindow as _, Messenger, Processor};
 use condor_mbox::{Published, Vector, Windows};
@@ -162,6 +163,7 @@ impl<M: Machine> Machine for Late<'_, M> {
     type Doorbell = M::Doorbell;
     type Exclusion = M::Exclusion;
     type Bus = M::Bus;
+    type Controller = M::Controller;
 
     fn number(&self) -> Processor {
         self.0.number()
@@ -185,6 +187,18 @@ impl<M: Machine> Machine for Late<'_, M> {
 
     fn bus(&self) -> M::Bus {
         self.0.bus()
+    }
+
+    fn interrupt_controller(&self) -> M::Controller {
+        self.0.interrupt_controller()
+    }
+
+    fn with_interrupts<R>(
+        &self,
+        entry: &dyn InterruptEntry,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        self.0.with_interrupts(entry, background)
     }
 
     fn argument(&self, index: usize) -> Option<&str> {

@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
+use condor_dev::InterruptEntry;
 use condor_dev::linux::{LinuxBus, MapAccess};
 use condor_fs::server::{FileServer, ServerOptions};
 use condor_mbox::linux::LinuxWindow;
@@ -550,6 +551,7 @@ impl Machine for Ending<'_> {
     type Doorbell = Bell;
     type Exclusion = SimCriticalSection;
     type Bus = LinuxBus;
+    type Controller = <Simulated<LinuxBus> as Machine>::Controller;
 
     fn number(&self) -> Processor {
         self.machine.number()
@@ -581,6 +583,18 @@ impl Machine for Ending<'_> {
 
     fn bus(&self) -> LinuxBus {
         self.machine.bus()
+    }
+
+    fn interrupt_controller(&self) -> Self::Controller {
+        self.machine.interrupt_controller()
+    }
+
+    fn with_interrupts<R>(
+        &self,
+        entry: &dyn InterruptEntry,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        self.machine.with_interrupts(entry, background)
     }
 
     fn waiting(&self) -> Waiting {

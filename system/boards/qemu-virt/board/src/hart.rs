@@ -1,22 +1,23 @@
 //! [`Hart`]: a hart as the machine of a program.
 
 use condor_clock::Page;
-use condor_dev::Mmio;
+use condor_dev::{InterruptEntry, Mmio};
 use condor_mbox::{CriticalSection, Processor, Region, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
-use condor_rt::{Interrupts, Machine, PROCESSORS, ProgramError, ServoLoop, on_one_stack};
+use condor_rt::{Machine, PROCESSORS, ProgramError, ServoLoop, on_one_stack};
 use qemu_virt_host::{ARGUMENT_BYTES, Control, Map};
 
 use crate::bell::HartBell;
-use crate::machine::{CLINT, EXTERNAL, MTIME, RAM, SOFTWARE};
+use crate::boards::{self, HartInterrupts};
+use crate::machine::{CLINT, EXTERNAL, LINE, MTIME, RAM, SOFTWARE};
 use crate::memory::{LEAST_BYTES, memory};
 use crate::msip::{self, HARTS};
 use crate::{hooks, trap};
 
 const fn timer(hart: u16) -> Clint {
     // SAFETY: the machine has a CLINT there; each hart uses its own timer, in machine mode.
-    unsafe { Clint::new(CLINT, hart, MTIME) }.interrupted_also_by(SOFTWARE | EXTERNAL)
+    unsafe { Clint::new(CLINT, hart, MTIME) }.interrupted_also_by(SOFTWARE | EXTERNAL | LINE)
 }
 
 static TIMERS: [Clint; HARTS] = [
@@ -47,6 +48,7 @@ pub struct Hart {
     bell: HartBell,
     clint: &'static Clint,
     bus: Mmio,
+    interrupts: HartInterrupts,
     arguments: [u8; ARGUMENT_BYTES],
     arguments_len: usize,
     /// Arguments that are not the program's.
@@ -67,6 +69,8 @@ impl Hart {
         let mut arguments = [0; ARGUMENT_BYTES];
         let arguments_len = control.arguments(&mut arguments).ok()?;
         let bus = RAM.wrapping_add(map.bus as usize) as *mut u8;
+        let data = window(map.data.at(number.0.into()), map.data_bytes);
+        let interrupts = HartInterrupts::new(data, boards::own_plic(hart)?);
         Some(Self {
             index: hart,
             number,
@@ -76,6 +80,7 @@ impl Hart {
             // SAFETY: the map has checked that it lies in the RAM and in nothing else's; whoever else
             // uses it, boards that are simulated, accesses it as this does.
             bus: unsafe { Mmio::translated(bus, 0, map.bus_bytes as usize) },
+            interrupts,
             arguments,
             arguments_len,
             skipped: 0,
@@ -116,6 +121,11 @@ impl Hart {
         HartTimer(self.clint)
     }
 
+    /// Forgets what boards have requested of a former program.
+    pub(crate) fn forget_boards(&self) {
+        self.interrupts.lines().clear();
+    }
+
     /// The page of the simulated clock.
     pub(crate) fn clock_page(&self) -> &'static Page {
         let page = RAM.wrapping_add(self.map.clock as usize) as *const Page;
@@ -145,6 +155,7 @@ impl Machine for Hart {
     type Doorbell = HartBell;
     type Exclusion = CriticalSection;
     type Bus = Mmio;
+    type Controller = HartInterrupts;
 
     fn number(&self) -> Processor {
         self.number
@@ -186,8 +197,29 @@ impl Machine for Hart {
         self.control.is_asked_to_end().unwrap_or(false)
     }
 
-    fn interrupts(&self) -> Option<Interrupts> {
-        Some(trap::interrupts())
+    fn interrupt_controller(&self) -> HartInterrupts {
+        self.interrupts.clone()
+    }
+
+    fn with_interrupts<R>(
+        &self,
+        entry: &dyn InterruptEntry,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        let serve = || entry.serve_interrupts();
+        let lines = *self.interrupts.lines();
+        let set = |hooks: &hooks::Hooks, hook: Option<&'static dyn Fn()>| {
+            hooks.boards.set(hook.map(|hook| (lines, hook)));
+        };
+        Ok(hooks::with(&serve, set, || {
+            // What interrupted before was not heard.
+            msip::ring_hart(self.index as usize);
+            background()
+        }))
+    }
+
+    fn unhandled_causes(&self) -> u32 {
+        trap::unhandled_causes()
     }
 
     fn mail_interrupts(&self) -> bool {

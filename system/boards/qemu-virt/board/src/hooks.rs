@@ -6,6 +6,7 @@ use condor_mos::riscv::Clint;
 use critical_section::CriticalSection;
 use riscv::register::mhartid;
 
+use crate::boards::HartLines;
 use crate::msip::HARTS;
 
 /// A handler that is there for as long as a program runs.
@@ -16,10 +17,14 @@ pub(crate) struct Hooks {
     /// The timer whose interrupt it is, and the hook that it calls.
     pub(crate) timer: Cell<Option<(&'static Clint, Hook)>>,
     pub(crate) mail: Cell<Option<Hook>>,
+    /// The lines of boards that are memory, and what serves all boards.
+    pub(crate) boards: Cell<Option<(HartLines, Hook)>>,
     /// Whether a timer interrupt has begun and not ended.
     pub(crate) timed: Cell<bool>,
     /// Whether a mailbox interrupt serves.
     pub(crate) serving: Cell<bool>,
+    /// Whether interrupts of boards are served.
+    pub(crate) attending: Cell<bool>,
     /// Whether a ring came meanwhile.
     pub(crate) rung: Cell<bool>,
     /// The causes of interrupts that nobody handles, as bits of `mie`.
@@ -31,8 +36,10 @@ impl Hooks {
         Self {
             timer: Cell::new(None),
             mail: Cell::new(None),
+            boards: Cell::new(None),
             timed: Cell::new(false),
             serving: Cell::new(false),
+            attending: Cell::new(false),
             rung: Cell::new(false),
             unhandled: Cell::new(0),
         }
@@ -42,8 +49,10 @@ impl Hooks {
     pub(crate) fn clear(&self) {
         self.timer.set(None);
         self.mail.set(None);
+        self.boards.set(None);
         self.timed.set(false);
         self.serving.set(false);
+        self.attending.set(false);
         self.rung.set(false);
         self.unhandled.set(0);
     }

@@ -24,6 +24,7 @@ mod memory;
 
 // The interrupts of harts, by which they also interrupt each other and the host.
 mod bell;
+mod boards;
 mod debug;
 mod hooks;
 mod link;
@@ -39,6 +40,7 @@ mod simulated;
 pub mod stack;
 
 pub use bell::HartBell;
+pub use boards::HartInterrupts;
 pub use hart::{Hart, HartTimer};
 pub use machine::MTIME;
 pub use memory::memory;

@@ -32,7 +32,7 @@ const READY: u8 = 1 << 0;
 const EMPTY: u8 = 1 << 5;
 
 // SAFETY: the machine has a 16550 there, whose registers have one byte.
-static PORT: Mmio = unsafe { Mmio::new(UART, UART_BYTES) };
+pub(crate) static PORT: Mmio = unsafe { Mmio::new(UART, UART_BYTES) };
 
 /// Words that all harts share.
 #[repr(C)]

@@ -31,11 +31,15 @@ pub const MTIME: Rate = Rate::hz(MTIME_HZ.get());
 
 /// Machine interrupts, as bits of `mie`.
 pub(crate) const SOFTWARE: usize = 1 << 3;
+/// Of boards.
 pub(crate) const EXTERNAL: usize = 1 << 11;
+/// Of the serial line between harts and host, by the interrupt of supervisor mode, which nobody delegates.
+pub(crate) const LINE: usize = 1 << 9;
 
 /// Causes of traps.
 pub(crate) mod cause {
     const INTERRUPT: usize = 1 << (usize::BITS - 1);
     pub(crate) const SOFTWARE: usize = INTERRUPT | 0x3;
     pub(crate) const EXTERNAL: usize = INTERRUPT | 0xb;
+    pub(crate) const LINE: usize = INTERRUPT | 0x9;
 }

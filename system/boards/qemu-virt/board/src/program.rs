@@ -61,6 +61,7 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
     debug::start(hart);
     // Without, the monitor says that it has failed.
     if let Some(hart) = Hart::new(hart) {
+        hart.forget_boards();
         let control = hart.control().clone();
         // The page of the hart is there.
         let _ = control.end(main(hart));

@@ -8,16 +8,17 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use core::time::Duration;
 
 use condor_clock::{Handover, LOOPS, LocalClock, Page};
-use condor_dev::Mmio;
+use condor_dev::{InterruptEntry, Mmio};
 use condor_mbox::{
     Clock, Doorbell, Evidence, Instant, Processor, Region, StaticWindow, Waiting, Windows,
 };
 use condor_mos::{Loops, Rate, Timer as _};
 use condor_rt::numbers::SUPERVISOR;
-use condor_rt::simulated::{SimulatedBell, SimulatedSection, SimulatedTimer};
-use condor_rt::{Interrupts, Machine, PROCESSORS, Program, ProgramError, ServoLoop, on_one_stack};
+use condor_rt::simulated::{self, SimulatedBell, SimulatedSection, SimulatedTimer};
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, on_one_stack};
 
 use crate::bell::HartBell;
+use crate::boards::HartInterrupts;
 use crate::hart::Hart;
 use crate::program::status;
 
@@ -124,6 +125,7 @@ impl<'h> Machine for SimulatedHart<'h> {
     type Doorbell = Bell<'h>;
     type Exclusion = SimulatedSection<&'h HartClock>;
     type Bus = Mmio;
+    type Controller = HartInterrupts;
 
     fn number(&self) -> Processor {
         self.hart.number()
@@ -161,8 +163,22 @@ impl<'h> Machine for SimulatedHart<'h> {
         self.hart.is_stopping() || self.clock.is_stopping()
     }
 
-    fn interrupts(&self) -> Option<Interrupts> {
-        self.hart.interrupts()
+    fn interrupt_controller(&self) -> HartInterrupts {
+        self.hart.interrupt_controller()
+    }
+
+    /// Devices behind the PLIC have no simulated time, and do not interrupt.
+    fn with_interrupts<R>(
+        &self,
+        entry: &dyn InterruptEntry,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        let interrupts = self.interrupt_controller();
+        simulated::with_interrupts(self.clock, interrupts.lines(), entry, background)
+    }
+
+    fn unhandled_causes(&self) -> u32 {
+        self.hart.unhandled_causes()
     }
 
     fn timer_frequency(&self) -> Rate {

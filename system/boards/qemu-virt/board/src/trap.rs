@@ -1,26 +1,23 @@
 //! The entry of interrupts, and the order in which they are served.
 //!
-//! RISC-V takes a software interrupt before a timer interrupt. Here loops come first: the mailbox
-//! interrupt lets the timer in before it serves, and one that comes while loops run, or while another one
-//! serves, is served when they are done. It comes nevertheless, since it may be the host's or the
-//! debugger's.
+//! RISC-V takes a software interrupt before a timer interrupt. Here loops come first, then boards, then
+//! messages: interrupts of boards and of the mailbox let the timer in before they serve, and one that comes while
+//! loops run, or while another one of its kind is served, is served when they are done. It comes nevertheless,
+//! since it may be the host's or the debugger's.
 
 use condor_debug::Stub;
-use condor_dev::riscv::{Context, Plic};
-use condor_dev::{InterruptLevel, Location, Mmio, Switch, device_switch};
+use condor_dev::riscv::Context;
+use condor_dev::{Location, Mmio, Switch, device_switch};
 use condor_mbox::{AccessError, StaticWindow};
 use condor_mos::riscv::preserving_floats;
-use condor_rt::Interrupts;
 use critical_section::CriticalSection;
 use qemu_virt_host::{Control, HartState};
 use riscv::register::{mhartid, mie, mip, mstatus};
 
+use crate::boards::{self, HartPlic};
 use crate::hooks::{self, Hooks};
-use crate::link::{self, Line};
-use crate::machine::{
-    EXTERNAL, MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, SOFTWARE, UART, UART_VECTOR,
-    cause,
-};
+use crate::link::{self, Line, PORT};
+use crate::machine::{LINE, MONITOR, SOFTWARE, UART, UART_VECTOR, cause};
 use crate::memory::{LEAST_BYTES, memory};
 use crate::msip::{self, ring_hart};
 
@@ -74,28 +71,18 @@ core::arch::global_asm!(
 const RECEIVER: usize = 0;
 
 device_switch! {
-    /// The boards that interrupt hart 0.
-    struct Boards { line: Line = [Location::at(UART).interrupting(UART_VECTOR, 1)] }
+    /// The serial line, which interrupts hart 0 whatever it runs.
+    struct Lines { line: Line = [Location::at(UART).interrupting(UART_VECTOR, 1)] }
 }
 
-// SAFETY: the machine has a PLIC there, whose registers have four bytes.
-static REGISTERS: Mmio = unsafe { Mmio::new(PLIC, PLIC_BYTES) };
-
 /// The interrupts for which a hart waits while a debugger holds its program, as bits of `mie`.
-pub(crate) const AWAITED: usize = SOFTWARE | EXTERNAL;
+pub(crate) const AWAITED: usize = SOFTWARE | LINE;
 
-/// The PLIC as hart 0 sees it, in machine mode.
-static CONTROLLER: Plic<&Mmio> = Plic::new(
-    &REGISTERS,
-    PLIC,
-    Context::new(0).unwrap(),
-    PLIC_SOURCES,
-    InterruptLevel(PLIC_HIGHEST),
-);
+/// The PLIC as hart 0 sees it in supervisor mode, in which nothing runs.
+static CONTROLLER: HartPlic = boards::plic(Context::new(1).unwrap());
 
-/// Nobody opens a board.
-static BOARDS: Switch<&Mmio, &Plic<&Mmio>, Boards, 0> =
-    Switch::new(&REGISTERS, &CONTROLLER, Boards::new());
+/// Nobody opens the line.
+static LINES: Switch<&Mmio, &HartPlic, Lines, 0> = Switch::new(&PORT, &CONTROLLER, Lines::new());
 
 /// Makes what interrupts hart 0 forget what was before.
 pub(crate) fn reset() {
@@ -106,24 +93,23 @@ pub(crate) fn reset() {
     }
 }
 
-/// Has hart 0 pass on what the serial port receives, whatever the hart runs.
+/// Has no board interrupt this hart, and hart 0 pass on what the serial port receives, whatever the hart runs.
 pub(crate) fn listen() {
-    if mhartid::read() == RECEIVER {
-        BOARDS.start();
+    let hart = mhartid::read();
+    if let Some(plic) = boards::own_plic(hart as u32) {
+        // The range has all of its registers.
+        let _ = plic.reset();
+    }
+    if hart == RECEIVER {
+        LINES.start();
     }
 }
 
-/// Returns the counts of the interrupts of this hart.
-pub(crate) fn interrupts() -> Interrupts {
-    let unhandled_causes = critical_section::with(|section| {
+/// Returns the causes of this hart's interrupts that nobody handles, as bits.
+pub(crate) fn unhandled_causes() -> u32 {
+    critical_section::with(|section| {
         hooks::of_this(section).map_or(0, |hooks| hooks.unhandled.get())
-    });
-    let counts = BOARDS.interrupt_counts();
-    let mut unhandled = BOARDS.unhandled();
-    Interrupts {
-        unhandled_causes,
-        ..Interrupts::new(counts, &mut unhandled)
-    }
+    })
 }
 
 /// Enables what a hart is to be interrupted by besides its timer, and interrupts.
@@ -131,8 +117,9 @@ pub(crate) fn open() {
     // SAFETY: the trap entry is set up, and no critical section is in progress.
     unsafe {
         if mhartid::read() == RECEIVER {
-            mie::set_mext();
+            mie::set_sext();
         }
+        mie::set_mext();
         mie::set_msoft();
         mstatus::set_mie();
     }
@@ -170,7 +157,8 @@ extern "C" fn condor_timer() {
     // here does arithmetic.
     unsafe { clint.on_interrupt(handler) };
     hooks.timed.set(outer);
-    if !outer && hooks.rung.take() {
+    // Boards interrupt message handlers.
+    if !outer && !hooks.attending.get() && hooks.rung.take() {
         ring_hart(mhartid::read());
     }
 }
@@ -181,16 +169,53 @@ extern "C" fn condor_timer() {
 extern "C" fn condor_interrupt(cause: usize) -> bool {
     match cause {
         cause::SOFTWARE => return software(),
-        cause::EXTERNAL => BOARDS.on_interrupt(),
+        cause::LINE => LINES.on_interrupt(),
+        cause::EXTERNAL => external(),
         cause => unhandled(cause),
     }
     false
 }
 
+/// An interrupt of a board behind the PLIC, which asks until it is served.
+fn external() {
+    let Some(hooks) = hooks() else { return };
+    let Some((_, boards)) = hooks.boards.get() else {
+        return unhandled(cause::EXTERNAL);
+    };
+    if hooks.timed.get() || hooks.attending.get() {
+        // Until boards are served, which `software` sees to.
+        // SAFETY: nothing counts on it.
+        unsafe { mie::clear_mext() };
+        hooks.rung.set(true);
+        return;
+    }
+    attend(hooks, boards);
+    look_again(hooks);
+}
+
+/// Serves the boards' interrupts, which no board interrupts.
+fn attend(hooks: &Hooks, boards: &dyn Fn()) {
+    hooks.attending.set(true);
+    interruptible(boards);
+    hooks.attending.set(false);
+    // SAFETY: whoever serves boards is there.
+    unsafe { mie::set_mext() };
+}
+
+/// Calls what serves, which loops may interrupt.
+fn interruptible(serve: &dyn Fn()) {
+    // SAFETY: no critical section is in progress, since an interrupt came, and the entry has saved
+    // what others change.
+    unsafe { mstatus::set_mie() };
+    preserving_floats(serve);
+    // SAFETY: as the entry left it.
+    unsafe { mstatus::clear_mie() };
+}
+
 /// Serves the serial port of hart 0 while interrupts are masked.
 pub(crate) fn poll_line() {
-    if mhartid::read() == RECEIVER && mip::read().mext() {
-        BOARDS.on_interrupt();
+    if mhartid::read() == RECEIVER && mip::read().sext() {
+        LINES.on_interrupt();
     }
 }
 
@@ -210,32 +235,42 @@ fn software() -> bool {
     if calls(hart) {
         return true;
     }
-    let Some(hooks) = hooks() else {
-        return false;
-    };
-    let Some(mail) = hooks.mail.get() else {
-        return false;
-    };
-    if hooks.timed.get() {
-        hooks.rung.set(true);
-        return false;
-    }
-    if hooks.serving.replace(true) {
-        // The context that serves looks once more.
-        hooks.rung.set(true);
-        return false;
-    }
-    // SAFETY: no critical section is in progress, since an interrupt came, and the entry has saved
-    // what others change.
-    unsafe { mstatus::set_mie() };
-    preserving_floats(mail);
-    // SAFETY: as the entry left it.
-    unsafe { mstatus::clear_mie() };
-    hooks.serving.set(false);
-    if hooks.rung.take() {
-        ring_hart(hart);
+    if let Some(hooks) = hooks() {
+        serve(hooks);
+        look_again(hooks);
     }
     false
+}
+
+/// Has the hart look once more, when everything is done, for what could not be served when it came.
+fn look_again(hooks: &Hooks) {
+    let is_busy = hooks.timed.get() || hooks.attending.get() || hooks.serving.get();
+    if !is_busy && hooks.rung.take() {
+        ring_hart(mhartid::read());
+    }
+}
+
+/// Serves boards and then messages; whoever serves the same already looks once more.
+fn serve(hooks: &Hooks) {
+    if hooks.timed.get() || hooks.attending.get() {
+        hooks.rung.set(true);
+        return;
+    }
+    if let Some((lines, boards)) = hooks.boards.get()
+        // The PLIC's interrupt is off if one could not be served when it came.
+        && (lines.is_pending() || !mie::read().mext())
+    {
+        attend(hooks, boards);
+    }
+    let Some(mail) = hooks.mail.get() else {
+        return;
+    };
+    if hooks.serving.replace(true) {
+        hooks.rung.set(true);
+        return;
+    }
+    interruptible(mail);
+    hooks.serving.set(false);
 }
 
 /// Whether the debugger has given the stub a command.

@@ -3,7 +3,14 @@
 use core::arch::asm;
 use core::time::Duration;
 
-use condor_rt::{Machine, Program, ProgramError, Setup};
+use condor_dev::drivers::Uart16550;
+use condor_dev::{Location, Switch, device_switch};
+use condor_rt::{Interrupts, Machine, Program, ProgramError, Setup};
+
+device_switch! {
+    /// A board that the program never looks for.
+    struct Boards { port: Uart16550 = [Location::at(0)] }
+}
 
 /// Joins, as any program does, and then does what its first argument says: `illegal`, `access`,
 /// `misaligned`, `stack`, `spin`, for ever, or `interrupt`.
@@ -12,40 +19,45 @@ pub(crate) struct Faulty;
 
 impl Program for Faulty {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
-        Setup::new(machine)?.console()?.background(|background| {
-            background.serve(Duration::from_millis(100))?;
-            match machine.argument(0) {
-                // SAFETY: the monitor takes the hart back.
-                Some("illegal") => unsafe { asm!("unimp") },
-                // SAFETY: nothing is there, and the monitor takes the hart back.
-                Some("access") => unsafe { asm!("ld zero, 0(zero)") },
-                // SAFETY: nothing is changed before it traps, and the monitor takes the hart back.
-                Some("misaligned") => unsafe {
-                    asm!("addi t0, sp, 1", "amoadd.w zero, zero, (t0)", out("t0") _);
-                },
-                Some("stack") => {
-                    descend(u64::MAX);
-                }
-                Some("interrupt") => {
-                    interrupt();
-                    if let Some(seen) = machine.interrupts() {
+        let (bus, controller) = (machine.bus(), machine.interrupt_controller());
+        let switch = Switch::<_, _, _, 0>::new(bus, controller, Boards::new());
+        let mut setup = Setup::new(machine)?;
+        setup
+            .console()?
+            .interrupts(&switch)
+            .background(|background| {
+                background.serve(Duration::from_millis(100))?;
+                match machine.argument(0) {
+                    // SAFETY: the monitor takes the hart back.
+                    Some("illegal") => unsafe { asm!("unimp") },
+                    // SAFETY: nothing is there, and the monitor takes the hart back.
+                    Some("access") => unsafe { asm!("ld zero, 0(zero)") },
+                    // SAFETY: nothing is changed before it traps, and the monitor takes the hart back.
+                    Some("misaligned") => unsafe {
+                        asm!("addi t0, sp, 1", "amoadd.w zero, zero, (t0)", out("t0") _);
+                    },
+                    Some("stack") => {
+                        descend(u64::MAX);
+                    }
+                    Some("interrupt") => {
+                        interrupt();
+                        let seen = Interrupts::of(&switch, machine.unhandled_causes());
                         let ([vector, ..], causes) =
                             (seen.unhandled_vectors, seen.unhandled_causes);
                         background.print(format_args!(
                             "not handled: vector {vector}, causes {causes:#x}\r\n"
                         ));
+                        while !background.is_stopping() {
+                            background.serve(Duration::from_millis(100))?;
+                        }
                     }
-                    while !background.is_stopping() {
-                        background.serve(Duration::from_millis(100))?;
-                    }
+                    Some("spin") => loop {
+                        core::hint::spin_loop();
+                    },
+                    _ => {}
                 }
-                Some("spin") => loop {
-                    core::hint::spin_loop();
-                },
-                _ => {}
-            }
-            Ok(())
-        })
+                Ok(())
+            })
     }
 }
 

@@ -1,0 +1,89 @@
+//! [`HartInterrupts`]: the interrupts of the boards of one hart's program.
+
+use condor_dev::riscv::{Context, Plic};
+use condor_dev::{InterruptController, InterruptLevel, InterruptVector, Mmio};
+use condor_mbox::StaticWindow;
+use condor_rt::{BoardLines, LineState};
+
+use crate::machine::{PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES};
+use crate::msip::HARTS;
+
+/// The first vector of boards that are memory.
+const LINES: InterruptVector = InterruptVector(128);
+
+// SAFETY: the machine has a PLIC there, whose registers have four bytes.
+static REGISTERS: Mmio = unsafe { Mmio::new(PLIC, PLIC_BYTES) };
+
+/// What this image's hart knows of its lines.
+static STATE: LineState = LineState::new();
+
+/// The PLIC of the machine, as one of its contexts sees it.
+pub(crate) type HartPlic = Plic<&'static Mmio>;
+
+pub(crate) const fn plic(context: Context) -> HartPlic {
+    let highest = InterruptLevel(PLIC_HIGHEST);
+    Plic::new(&REGISTERS, PLIC, context, PLIC_SOURCES, highest)
+}
+
+/// The PLIC as a hart's program sees it: the context of machine mode. Each hart has two contexts, and that of
+/// supervisor mode is for the serial line between harts and host.
+pub(crate) fn own_plic(hart: u32) -> Option<HartPlic> {
+    let context = Context::new(u16::try_from(hart).ok()?.checked_mul(2)?)?;
+    ((hart as usize) < HARTS).then(|| plic(context))
+}
+
+/// The lines of boards that are memory.
+pub(crate) type HartLines = BoardLines<StaticWindow<'static>, &'static LineState>;
+
+/// The controller of the boards' interrupts of a hart's program: vectors 128 to 159 are boards that are memory,
+/// and come first; lower ones are the sources of the machine's interrupt controller, the PLIC.
+#[derive(Clone, Debug)]
+pub struct HartInterrupts {
+    lines: HartLines,
+    plic: HartPlic,
+}
+
+impl HartInterrupts {
+    /// Makes the controller of a hart with a PLIC of its own and this `data`.
+    pub(crate) const fn new(data: StaticWindow<'static>, plic: HartPlic) -> Self {
+        Self {
+            lines: BoardLines::new(data, &STATE),
+            plic,
+        }
+    }
+
+    /// The lines of boards that are memory.
+    pub(crate) const fn lines(&self) -> &HartLines {
+        &self.lines
+    }
+}
+
+impl InterruptController for HartInterrupts {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
+        if vector < LINES {
+            self.plic.enable(vector, level);
+        } else {
+            self.lines.enable(vector, level);
+        }
+    }
+
+    fn disable(&self, vector: InterruptVector) {
+        if vector < LINES {
+            self.plic.disable(vector);
+        } else {
+            self.lines.disable(vector);
+        }
+    }
+
+    fn claim(&self) -> Option<InterruptVector> {
+        self.lines.claim().or_else(|| self.plic.claim())
+    }
+
+    fn complete(&self, vector: InterruptVector) {
+        if vector < LINES {
+            self.plic.complete(vector);
+        } else {
+            self.lines.complete(vector);
+        }
+    }
+}

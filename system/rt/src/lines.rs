@@ -1,0 +1,175 @@
+//! [`BoardLines`]: the interrupts of boards that are memory; [`Raiser`] raises them.
+//!
+//! Each processor has a word with a bit for each line. Whoever is the board sets the bit and rings the processor,
+//! which takes the bit when it claims the interrupt. So a request is an edge: one that comes while the line is served
+//! makes it pending once more.
+
+use core::ops::Deref;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use condor_dev::{InterruptController, InterruptLevel, InterruptVector};
+use condor_mbox::layout::BOARD_LINES;
+use condor_mbox::{Doorbell, MemoryWindow, Processor};
+
+use crate::machine::Machine;
+use crate::numbers::PROCESSORS;
+
+/// The vector of the first line. Lower numbers are for the interrupt controllers of machines.
+const FIRST: u16 = 128;
+/// The number of levels, as many as those of a VMEbus.
+const LEVELS: usize = 7;
+
+/// The word of a processor's lines, in its `data`; `None` if the memory cannot be accessed by plain words.
+fn raised<W: MemoryWindow>(data: &W) -> Option<&AtomicU32> {
+    data.words()?.get().get((BOARD_LINES / 4) as usize)
+}
+
+/// The bit of a vector; `None` if no line has it.
+fn bit(vector: InterruptVector) -> Option<u32> {
+    1_u32.checked_shl(vector.0.checked_sub(FIRST)?.into())
+}
+
+/// What a processor knows of its own lines, for [`BoardLines`].
+#[derive(Debug)]
+pub struct LineState {
+    /// The lines that each level enables, from level 1 on.
+    levels: [AtomicU32; LEVELS],
+    /// The lines that are claimed and not completed.
+    claimed: AtomicU32,
+}
+
+impl LineState {
+    /// Makes the state of lines that are all enabled at level 1: a board that interrupts without a driver is counted
+    /// and named.
+    #[must_use]
+    pub const fn new() -> Self {
+        let mut levels = [const { AtomicU32::new(0) }; LEVELS];
+        levels[0] = AtomicU32::new(u32::MAX);
+        Self {
+            levels,
+            claimed: AtomicU32::new(0),
+        }
+    }
+}
+
+impl Default for LineState {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The [`InterruptController`] of boards that are memory, such as those of a simulated robot: vectors 128 to 159, and
+/// levels 1 to 7; a level above 7 is 7.
+///
+/// `W` is the window of the processor's `data`, and `S` leads to the [`LineState`] of the processor. Its requests are
+/// edges.
+#[derive(Clone, Copy, Debug)]
+pub struct BoardLines<W, S> {
+    data: W,
+    state: S,
+}
+
+impl<W: MemoryWindow, S: Deref<Target = LineState>> BoardLines<W, S> {
+    /// Makes the controller of a processor, whose `data` is this window.
+    pub const fn new(data: W, state: S) -> Self {
+        Self { data, state }
+    }
+
+    /// Forgets all requests, such as those to a program that has ended.
+    pub fn clear(&self) {
+        if let Some(raised) = raised(&self.data) {
+            raised.store(0, Ordering::Relaxed);
+        }
+    }
+
+    /// Returns true if [`claim`](InterruptController::claim) would return a vector.
+    #[inline]
+    #[must_use]
+    pub fn is_pending(&self) -> bool {
+        let raised = raised(&self.data).map_or(0, |raised| raised.load(Ordering::Relaxed));
+        raised != 0
+            && self
+                .state
+                .levels
+                .iter()
+                .any(|level| self.pending(raised, level) != 0)
+    }
+
+    fn pending(&self, raised: u32, level: &AtomicU32) -> u32 {
+        raised & level.load(Ordering::Relaxed) & !self.state.claimed.load(Ordering::Relaxed)
+    }
+}
+
+impl<W: MemoryWindow, S: Deref<Target = LineState>> InterruptController for BoardLines<W, S> {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
+        let Some(bit) = bit(vector) else { return };
+        let wanted = usize::from(level.0).min(LEVELS);
+        for (level, lines) in (1..).zip(&self.state.levels) {
+            if level == wanted {
+                lines.fetch_or(bit, Ordering::Relaxed);
+            } else {
+                lines.fetch_and(!bit, Ordering::Relaxed);
+            }
+        }
+    }
+
+    fn disable(&self, vector: InterruptVector) {
+        self.enable(vector, InterruptLevel(0));
+    }
+
+    fn claim(&self) -> Option<InterruptVector> {
+        let raised = raised(&self.data)?;
+        for level in self.state.levels.iter().rev() {
+            let pending = self.pending(raised.load(Ordering::Relaxed), level);
+            if pending == 0 {
+                continue;
+            }
+            let line = pending.trailing_zeros();
+            let bit = 1 << line;
+            // Another context that claims at the same time looks again when it has served.
+            if self.state.claimed.fetch_or(bit, Ordering::Acquire) & bit == 0 {
+                // Acquire: pairs with the Release in `raise`, so that a driver sees the board as it was then.
+                raised.fetch_and(!bit, Ordering::Acquire);
+                return Some(InterruptVector(FIRST + line as u16));
+            }
+        }
+        None
+    }
+
+    fn complete(&self, vector: InterruptVector) {
+        if let Some(bit) = bit(vector) {
+            self.state.claimed.fetch_and(!bit, Ordering::Release);
+        }
+    }
+}
+
+/// Raises the interrupts of boards that are memory, for whoever simulates them.
+#[derive(Debug)]
+pub struct Raiser<M: Machine> {
+    data: [M::Window; PROCESSORS],
+    bell: M::Doorbell,
+}
+
+impl<M: Machine> Raiser<M> {
+    /// Makes the raiser of a processor that simulates boards.
+    #[must_use]
+    pub fn new(machine: &M) -> Self {
+        Self {
+            data: machine.windows().map(|windows| windows.data),
+            bell: machine.doorbell(),
+        }
+    }
+
+    /// Requests an interrupt of a processor by a vector from 128 to 159. What was written before is seen by the driver
+    /// that serves it. Does nothing if there is no such processor or vector.
+    pub fn raise(&self, processor: Processor, vector: InterruptVector) {
+        let raised = self.data.get(processor.index()).and_then(raised);
+        let (Some(raised), Some(bit)) = (raised, bit(vector)) else {
+            return;
+        };
+        // Release: pairs with the Acquire in `claim`. A line that is raised already has rung.
+        if raised.fetch_or(bit, Ordering::Release) & bit == 0 {
+            self.bell.ring(processor);
+        }
+    }
+}

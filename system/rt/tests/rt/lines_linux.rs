@@ -1,0 +1,125 @@
+//! Interrupts of boards that are memory, on processes of Linux in real time.
+#![cfg(feature = "sim")]
+
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use condor_dev::{InterruptController as _, InterruptCounts, InterruptEntry, InterruptVector};
+use condor_mbox::Processor;
+use condor_mos::Rate;
+use condor_rt::linux::{Environment, LinuxProcess, LoopContext};
+use condor_rt::{Machine as _, Raiser, Setup};
+
+const ME: Processor = Processor(3);
+const BOARDS: Processor = Processor(4);
+const VECTOR: InterruptVector = InterruptVector(131);
+const PATIENCE: Duration = Duration::from_secs(60);
+const INTERRUPTS: u32 = 200;
+
+/// Counts what it claims.
+struct Counting<'m> {
+    machine: &'m LinuxProcess,
+    served: AtomicU32,
+}
+
+impl InterruptEntry for Counting<'_> {
+    fn serve_interrupts(&self) {
+        let controller = self.machine.interrupt_controller();
+        while let Some(vector) = controller.claim() {
+            assert_eq!(vector, VECTOR);
+            controller.complete(vector);
+            self.served.fetch_add(1, Relaxed);
+        }
+    }
+
+    fn counts(&self) -> InterruptCounts {
+        InterruptCounts::default()
+    }
+
+    fn each_unhandled(&self, _: &mut dyn FnMut(InterruptVector, u32)) {}
+
+    fn each_stuck(&self, _: &mut dyn FnMut(InterruptVector, u32)) {}
+}
+
+/// Interrupts a program again and again, each time after it has served; `background` runs until it is told to end.
+fn interrupt(loops: LoopContext, background: impl Fn(&mut dyn FnMut() -> bool, &AtomicBool)) {
+    let directory = tempfile::tempdir().unwrap();
+    let environment = |processor, loops| Environment {
+        system: directory.path().join("mailbox"),
+        window_bytes: 16384,
+        processor,
+        bus: None,
+        shared_memory: None,
+        clock: None,
+        work_ns: [0; 8],
+        loops,
+        cpu: None,
+        priority: None,
+    };
+    // SAFETY: the loop does nothing but count.
+    let machine = unsafe { LinuxProcess::allowing_signals(&environment(ME, loops), []) }.unwrap();
+    let boards = LinuxProcess::new(&environment(BOARDS, LoopContext::Threads), []).unwrap();
+    let entry = Counting {
+        machine: &machine,
+        served: AtomicU32::new(0),
+    };
+    let (gone, ticks) = (AtomicBool::new(false), AtomicU32::new(0));
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            let raiser = Raiser::new(&boards);
+            let begun = Instant::now();
+            for number in 0..INTERRUPTS {
+                raiser.raise(ME, VECTOR);
+                while entry.served.load(Relaxed) <= number && begun.elapsed() < PATIENCE {
+                    thread::yield_now();
+                }
+            }
+            while ticks.load(Relaxed) == 0 && begun.elapsed() < PATIENCE {
+                thread::yield_now();
+            }
+            gone.store(true, Relaxed);
+        });
+        let ran = Setup::new(&machine)
+            .unwrap()
+            .interrupts(&entry)
+            .servo("loop", Rate::hz(100), &mut |_| {
+                ticks.fetch_add(1, Relaxed);
+            })
+            .background(|running| {
+                let mut serve = || running.serve(Duration::from_millis(1)).is_ok();
+                background(&mut serve, &gone);
+                Ok(())
+            });
+        ran.unwrap();
+    });
+    assert_eq!(entry.served.into_inner(), INTERRUPTS);
+    assert!(ticks.into_inner() > 0);
+}
+
+#[test]
+fn threads_are_interrupted_while_the_background_computes() {
+    interrupt(LoopContext::Threads, |_, gone| {
+        while !gone.load(Relaxed) {
+            std::hint::spin_loop();
+        }
+    });
+}
+
+#[test]
+fn a_program_with_signals_is_interrupted_while_the_background_computes() {
+    interrupt(LoopContext::Signals, |_, gone| {
+        while !gone.load(Relaxed) {
+            std::hint::spin_loop();
+        }
+    });
+}
+
+#[test]
+fn a_program_that_spins_is_interrupted_where_it_waits() {
+    interrupt(LoopContext::Spin, |serve, gone| {
+        while !gone.load(Relaxed) {
+            assert!(serve());
+        }
+    });
+}
