@@ -1,7 +1,9 @@
 //! The boards on the bus of a robot: [`Boards`] as its processors use them, and [`SimBoards`] as the simulated robot
 //! sees them.
 
-use condor_dev::{Bus, BusErrorKind, OpenError};
+use condor_dev::{
+    Bus, BusErrorKind, InterruptController, InterruptEntry, InterruptVector, OpenError,
+};
 use condor_hand::config::{Channel, OutputChannel, Wire};
 use thiserror::Error;
 
@@ -19,11 +21,13 @@ use crate::RobotDescription;
 /// start does not disturb the outputs of other processors. Implement [`SimBoards`], too, if the robot is also to be
 /// simulated behind the registers of these boards.
 pub trait Boards: Copy + Default + Send + Sync + 'static {
-    /// The drivers of the boards of one processor.
-    type Panel<B: Bus + Send + Sync>: Send + Sync;
+    /// The drivers of the boards of one processor, and the entry of their interrupts.
+    type Panel<B: Bus + Send + Sync, C: InterruptController + Send + Sync>: InterruptEntry
+        + Send
+        + Sync;
 
     /// The channels of one processor, on boards that are open.
-    type Wires<'p, B: Bus + Send + Sync + 'p>: Wires;
+    type Wires<'p, B: Bus + Send + Sync + 'p, C: InterruptController + Send + Sync + 'p>: Wires;
 
     /// Checks whether the boards have all channels that a robot needs.
     ///
@@ -32,12 +36,13 @@ pub trait Boards: Copy + Default + Send + Sync + 'static {
     /// not fit into its register; [`BoardError::Shared`] if two processors write the same board.
     fn check(robot: &RobotDescription) -> Result<(), BoardError>;
 
-    /// Makes the drivers of the boards at which `processor` has a wire.
-    fn panel<B: Bus + Send + Sync>(
+    /// Makes the drivers of the boards at which `processor` has a wire. `controller` is that of their interrupts.
+    fn panel<B: Bus + Send + Sync, C: InterruptController + Send + Sync>(
         bus: B,
+        controller: C,
         robot: &RobotDescription,
         processor: u8,
-    ) -> Self::Panel<B>;
+    ) -> Self::Panel<B, C>;
 
     /// Opens the boards at which `processor` has a wire, and sets each of its outputs to the counts that `rest`
     /// returns.
@@ -45,12 +50,12 @@ pub trait Boards: Copy + Default + Send + Sync + 'static {
     /// # Errors
     /// Returns [`BoardError::Open`] if a board cannot be opened; the call can be repeated for a board that is not there
     /// yet.
-    fn open<'p, B: Bus + Send + Sync>(
-        panel: &'p Self::Panel<B>,
+    fn open<'p, B: Bus + Send + Sync, C: InterruptController + Send + Sync>(
+        panel: &'p Self::Panel<B, C>,
         robot: &RobotDescription,
         processor: u8,
         rest: impl Fn(Channel) -> u32,
-    ) -> Result<Self::Wires<'p, B>, BoardError>;
+    ) -> Result<Self::Wires<'p, B, C>, BoardError>;
 }
 
 /// The channels of one processor, transferred board by board: call [`scan`](Self::scan), [`read`](Self::read) the
@@ -80,6 +85,23 @@ pub trait SimBoards: Boards {
     /// # Errors
     /// Returns [`BusFault`] if the bus fails.
     fn plug<B: Bus>(bus: &B, is_present: bool) -> Result<(), BusFault>;
+
+    /// Returns the number of the board that has an input, from 0 and below 16; `None` if no board has it.
+    fn input_board(input: Channel) -> Option<u8>;
+
+    /// Returns true if a board of inputs converts between the instants `since_ns`, exclusive, and `now_ns`, inclusive,
+    /// which are nanoseconds of the machine's clock.
+    ///
+    /// # Errors
+    /// Returns [`BusFault`] if the bus fails.
+    fn is_due<B: Bus>(bus: &B, board: u8, since_ns: u64, now_ns: u64) -> Result<bool, BusFault>;
+
+    /// Ends a conversion: all inputs of the board are set. Returns the vector by which the board interrupts the
+    /// processors that have a wire there; `None` if it does not interrupt.
+    ///
+    /// # Errors
+    /// Returns [`BusFault`] if the bus fails.
+    fn converted<B: Bus>(bus: &B, board: u8) -> Result<Option<InterruptVector>, BusFault>;
 
     /// Sets the counts that an input measures.
     ///
@@ -190,6 +212,8 @@ pub fn processor(robot: &RobotDescription, wire: Wire) -> Option<u8> {
 /// Boards that nobody opens, for tests of a robot that nothing drives.
 #[cfg(test)]
 pub(crate) mod none {
+    use condor_dev::InterruptCounts;
+
     use super::*;
 
     #[derive(Clone, Copy, Default)]
@@ -197,20 +221,40 @@ pub(crate) mod none {
 
     pub(crate) struct NoWires;
 
+    pub(crate) struct NoPanel;
+
+    impl InterruptEntry for NoPanel {
+        fn serve_interrupts(&self) {}
+
+        fn counts(&self) -> InterruptCounts {
+            InterruptCounts::default()
+        }
+
+        fn each_unhandled(&self, _: &mut dyn FnMut(InterruptVector, u32)) {}
+
+        fn each_stuck(&self, _: &mut dyn FnMut(InterruptVector, u32)) {}
+    }
+
     impl Boards for NoBoards {
-        type Panel<B: Bus + Send + Sync> = B;
-        type Wires<'p, B: Bus + Send + Sync + 'p> = NoWires;
+        type Panel<B: Bus + Send + Sync, C: InterruptController + Send + Sync> = NoPanel;
+        type Wires<'p, B: Bus + Send + Sync + 'p, C: InterruptController + Send + Sync + 'p> =
+            NoWires;
 
         fn check(_: &RobotDescription) -> Result<(), BoardError> {
             Ok(())
         }
 
-        fn panel<B: Bus + Send + Sync>(bus: B, _: &RobotDescription, _: u8) -> B {
-            bus
+        fn panel<B: Bus + Send + Sync, C: InterruptController + Send + Sync>(
+            _: B,
+            _: C,
+            _: &RobotDescription,
+            _: u8,
+        ) -> NoPanel {
+            NoPanel
         }
 
-        fn open<B: Bus + Send + Sync>(
-            _: &B,
+        fn open<B: Bus + Send + Sync, C: InterruptController + Send + Sync>(
+            _: &NoPanel,
             _: &RobotDescription,
             _: u8,
             _: impl Fn(Channel) -> u32,
@@ -242,6 +286,18 @@ pub(crate) mod none {
 
         fn set_input<B: Bus>(_: &B, _: Channel, _: u32) -> Result<(), BusFault> {
             Ok(())
+        }
+
+        fn input_board(input: Channel) -> Option<u8> {
+            Some(input.board)
+        }
+
+        fn is_due<B: Bus>(_: &B, _: u8, _: u64, _: u64) -> Result<bool, BusFault> {
+            Ok(true)
+        }
+
+        fn converted<B: Bus>(_: &B, _: u8) -> Result<Option<InterruptVector>, BusFault> {
+            Ok(None)
         }
 
         fn output_board(output: Channel) -> Option<u8> {

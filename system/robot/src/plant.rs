@@ -2,6 +2,8 @@
 //!
 //! It writes what sensors say into the registers of A/D and encoder boards, and takes from those of the
 //! D/A boards what actuators are to do, with the calibration and the widths that the configuration has.
+//! A/D boards convert when their timers say, and interrupt the processors that have a wire there. The
+//! robot's loop is ahead of the loops of others by 0.1 ms, so that what they read is new.
 //! Boards identify themselves once their registers are right, so a controller that is early waits.
 //!
 //! Each D/A board has a watchdog. Without a strobe for some time, or once nobody has the board open, it
@@ -31,12 +33,13 @@
 use condor_vars::cell_struct;
 use core::cell::RefCell;
 use core::marker::PhantomData;
+use core::time::Duration;
 
 use condor_hand::grasp::Wrench;
-use condor_mbox::Vector;
 use condor_mbox::exchange::Blocks;
+use condor_mbox::{Clock as _, Vector};
 use condor_rt::objects;
-use condor_rt::{Machine, PROCESSORS, Program, ProgramError, Setup};
+use condor_rt::{Machine, PROCESSORS, Processor, Program, ProgramError, Raiser, Setup};
 use condor_vars::{Var, Vars};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -69,6 +72,9 @@ pub const NAME: &str = "plant";
 pub const TRUTH_NAME: &str = "truth";
 /// The name of the published [`CameraObject`] in the object table of the robot's processor.
 pub const OBJECT_NAME: &str = "object";
+
+/// How much earlier than other loops the robot's is released.
+const AHEAD: Duration = Duration::from_micros(100);
 
 /// The true state of the simulated robot, which its program publishes in every tick; controllers see only sensors.
 /// Vectors are in the axes of the palm.
@@ -141,8 +147,8 @@ impl<B: SimBoards> Program for Plant<B> {
         let mut place = None;
         let (hand, robot) = start::configured(machine, &mut place, |_, hand| {
             B::check(hand).map_err(Failure::from)?;
-            let robot = Robot::new::<B>(hand, &arguments)?;
-            robot.show::<B, _>(&bus)?;
+            let mut robot = Robot::new::<B>(hand, &arguments)?;
+            robot.show::<B, _>(&bus, machine.doorbell().now().as_ns(), &mut |_, _| ())?;
             B::plug(&bus, true).map_err(Failure::from)?;
             Ok((hand, robot))
         })?;
@@ -152,6 +158,8 @@ impl<B: SimBoards> Program for Plant<B> {
         let touching = Var::<u64>::new("ball.touching", "").about("A bit for each finger.");
         let resting = Var::<u64>::new("boards.resting", "").about("A bit for each D/A board.");
 
+        let raiser = Raiser::new(machine);
+        let mut raise = |processor, vector| raiser.raise(Processor(processor), vector);
         let mut setup = Setup::new(machine)?;
         let mut truth = setup.publish_fields(TRUTH_NAME)?;
         let mut seen = setup.publish_fields(OBJECT_NAME)?;
@@ -168,9 +176,11 @@ impl<B: SimBoards> Program for Plant<B> {
             .watch(&ball)
             .watch(&touching)
             .watch(&resting)
-            .servo("robot", start::rate(arguments.rate_hz), &mut |_| {
+            // So that the conversions for a servo's release are done before it.
+            .ahead(AHEAD)
+            .servo("robot", start::rate(arguments.rate_hz), &mut |tick| {
                 let done = with(&shared, |robot| {
-                    let now = robot.tick::<B, _>(&bus);
+                    let now = robot.tick::<B, _>(&bus, tick.due.as_ns(), &mut raise);
                     (now, camera.look(robot.ball(), now.time_s))
                 });
                 if let Some((now, picture)) = done {

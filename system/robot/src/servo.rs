@@ -35,6 +35,7 @@ use core::fmt::{self, Arguments};
 use core::marker::PhantomData;
 use core::time::Duration;
 
+use condor_dev::InterruptEntry;
 use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
@@ -97,11 +98,13 @@ impl<B: Boards> Program for Servo<B> {
         let number = machine.number().0;
         let record = Record::of(machine)?;
         let (mut place, mut panel) = (None, None);
-        let (hand, mut wires) = start::configured(machine, &mut place, |background, hand| {
-            let panel = panel.insert(B::panel(machine.bus(), hand, number));
-            Ok((hand, start::wires::<M, B>(background, panel, hand)?))
-        })?;
-        serve(machine, hand, &mut wires, record)
+        let (hand, panel, mut wires) =
+            start::configured(machine, &mut place, |background, hand| {
+                let (bus, controller) = (machine.bus(), machine.interrupt_controller());
+                let panel = &*panel.insert(B::panel(bus, controller, hand, number));
+                Ok((hand, panel, start::wires::<M, B>(background, panel, hand)?))
+            })?;
+        serve(machine, hand, panel, &mut wires, record)
     }
 }
 
@@ -110,6 +113,7 @@ impl<B: Boards> Program for Servo<B> {
 fn serve<M: Machine>(
     machine: &M,
     hand: &RobotDescription,
+    panel: &dyn InterruptEntry,
     wires: &mut dyn Wires,
     record: Option<Record<'_>>,
 ) -> Result<(), ProgramError> {
@@ -183,6 +187,7 @@ fn serve<M: Machine>(
         news: LoopNews::NOTHING,
     };
     setup
+        .interrupts(panel)
         .on(SERVO, "servos", &|call| asked.answer(call))
         .watch(&variables)
         .tune(&gains.laws)

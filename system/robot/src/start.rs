@@ -63,9 +63,9 @@ pub(crate) fn configuration<M: Machine>(
 /// The channels of this processor, on boards that may still be about to be plugged in.
 pub(crate) fn wires<'s, M: Machine, B: Boards>(
     background: &Background<'_, M>,
-    panel: &'s B::Panel<M::Bus>,
+    panel: &'s B::Panel<M::Bus, M::Controller>,
     hand: &RobotDescription,
-) -> Result<B::Wires<'s, M::Bus>, ProgramError> {
+) -> Result<B::Wires<'s, M::Bus, M::Controller>, ProgramError> {
     B::check(hand).map_err(Failure::from)?;
     let (number, clock) = (
         background.machine().number().0,

@@ -197,7 +197,7 @@ impl<B: Boards> Program for Table<B> {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let number = machine.number().0;
         let (mut place, mut panel) = (None, None);
-        let (hand, rate_hz, driven, mut wires) =
+        let (hand, rate_hz, driven, panel, mut wires) =
             start::configured(machine, &mut place, |background, hand| {
                 let processor = hand.processor(number);
                 let processor = processor.ok_or(Failure::NoProcessor { processor: number })?;
@@ -206,9 +206,10 @@ impl<B: Boards> Program for Table<B> {
                     controller: controller.ok_or(Failure::NoTable)?,
                     axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
                 };
-                let panel = panel.insert(B::panel(machine.bus(), hand, number));
+                let (bus, interrupts) = (machine.bus(), machine.interrupt_controller());
+                let panel = &*panel.insert(B::panel(bus, interrupts, hand, number));
                 let wires = start::wires::<M, B>(background, panel, hand)?;
-                Ok((hand, hand.rate_hz(processor), driven, wires))
+                Ok((hand, hand.rate_hz(processor), driven, panel, wires))
             })?;
         let shared: SharedTable = Mutex::new(RefCell::new(driven));
         let variables = Variables::new();
@@ -231,6 +232,7 @@ impl<B: Boards> Program for Table<B> {
         let own = setup.own().clone();
         setup
             .console()?
+            .interrupts(panel)
             .on(TABLE, NAME, &|call| {
                 packet::answer(blocks, call, &own, |request| respond(&shared, request))
             })

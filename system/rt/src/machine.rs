@@ -1,5 +1,7 @@
 //! [`Machine`]: the parts of a processor that a program uses.
 
+use core::time::Duration;
+
 use condor_dev::{Bus, InterruptController, InterruptEntry};
 use condor_mbox::{
     self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Region, Waiting, Windows,
@@ -158,6 +160,9 @@ pub trait Machine: Sync {
     /// Runs `loops` and `background`. The number of a loop is its index in `loops`. `background`
     /// gets a [`Loops`], by which it can ask for the counts of loops and change their rates.
     ///
+    /// The loops are released `ahead` of the instants in the middle of the periods of the fastest of them; see
+    /// [`Setup::ahead`](crate::Setup::ahead).
+    ///
     /// Machines whose loops interrupt the background on its stack implement this by
     /// [`on_one_stack`](crate::on_one_stack).
     ///
@@ -167,6 +172,7 @@ pub trait Machine: Sync {
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],
+        ahead: Duration,
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
     ) -> Result<R, ProgramError>;
 }

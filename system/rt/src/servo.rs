@@ -1,6 +1,7 @@
 //! [`ServoLoop`], and how a machine runs loops.
 
 use core::num::NonZeroU64;
+use core::time::Duration;
 
 use condor_mos::{LoopId, Loops, Overrun, Platform, Rate, RateError, Scheduler};
 use heapless::Vec;
@@ -26,7 +27,7 @@ pub struct ServoLoop<'b> {
 }
 
 /// Runs `background` and returns its result. Meanwhile `loops` interrupt it, on the same stack,
-/// whenever they are due by the timer of `platform`. Most machines implement
+/// whenever they are due by the timer of `platform`, `ahead` of the instants in the middle of periods. Most machines implement
 /// [`with_loops`](crate::Machine::with_loops) by this.
 ///
 /// # Errors
@@ -35,24 +36,31 @@ pub struct ServoLoop<'b> {
 pub fn on_one_stack<P, R>(
     platform: P,
     loops: &mut [ServoLoop<'_>],
+    ahead: Duration,
     background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
 ) -> Result<R, ProgramError>
 where
     P: Platform<Instant = u64> + Sync,
 {
     let rates = rates(loops)?;
-    let start = first_release(platform.now(), platform.frequency(), &rates);
+    let start = first_release(platform.now(), platform.frequency(), &rates, ahead);
     let scheduler = Scheduler::<_, LOOPS, ENTRIES>::with_rates(platform, &rates)?;
     run(&scheduler, loops, start, || background(&scheduler))
 }
 
-/// When loops begin: at the next instant in the middle of a period of the fastest of them, counted
+/// When loops begin: `ahead` of the next instant in the middle of a period of the fastest of them, counted
 /// from the beginning of the machine's time.
 ///
 /// So loops of the same rate are released at the same instants on all processors that share a
 /// clock. Loops of twice, four times, … that rate are released between these instants.
-pub(crate) fn first_release(now: u64, frequency: Rate, rates: &[Rate]) -> u64 {
+pub(crate) fn first_release(now: u64, frequency: Rate, rates: &[Rate], ahead: Duration) -> u64 {
     let next = || {
+        let per_ns = u64::from(frequency.denominator()).checked_mul(1_000_000_000)?;
+        let ahead = u64::try_from(ahead.as_nanos()).ok()?;
+        let ahead = ahead
+            .checked_mul(frequency.numerator().into())?
+            .checked_div(per_ns)?;
+        let now = now.checked_add(ahead)?;
         let fastest = rates.iter().max()?;
         let product = |a: u32, b: u32| NonZeroU64::new(u64::from(a) * u64::from(b));
         // A period is `ticks / of` ticks of the timer; `ticks` of the timer are a whole number of them.
@@ -61,7 +69,7 @@ pub(crate) fn first_release(now: u64, frequency: Rate, rates: &[Rate]) -> u64 {
         let half = of.checked_mul(const { NonZeroU64::new(2).unwrap() })?;
         let whole = ceiling((now % ticks).checked_mul(half.get())?, ticks) / 2;
         let middle = ceiling((2 * whole + 1).checked_mul(ticks.get())?, half);
-        (now - now % ticks).checked_add(middle)
+        (now - now % ticks).checked_add(middle)?.checked_sub(ahead)
     };
     // With numbers that no processor has, they begin now.
     next().unwrap_or(now)
@@ -105,7 +113,9 @@ mod tests {
     #[test]
     fn loops_begin_in_the_middle_of_a_period() {
         let ns = Rate::hz(1_000_000_000);
-        let at = |now, frequency, rate| first_release(now, frequency, &[rate, Rate::hz(1)]);
+        let at = |now, frequency, rate| {
+            first_release(now, frequency, &[rate, Rate::hz(1)], Duration::ZERO)
+        };
         for now in [0, 1, 1_250_000] {
             assert_eq!(at(now, ns, Rate::hz(400)), 1_250_000);
         }
@@ -121,7 +131,21 @@ mod tests {
         let rate = Rate::new(5, 2).unwrap();
         assert_eq!(at(0, Rate::hz(32_768), rate), 6_554);
         assert_eq!(at(6_555, Rate::hz(32_768), rate), 19_661);
-        assert_eq!(first_release(7, ns, &[]), 7);
+        assert_eq!(first_release(7, ns, &[], Duration::ZERO), 7);
+        let ahead = |now| first_release(now, ns, &[Rate::hz(2000)], Duration::from_micros(50));
+        assert_eq!(
+            [0, 200_000, 200_001].map(ahead),
+            [200_000, 200_000, 700_000]
+        );
+        let by_32_khz = |now| {
+            first_release(
+                now,
+                Rate::hz(32_768),
+                &[Rate::hz(4)],
+                Duration::from_secs(1),
+            )
+        };
+        assert_eq!([0, 4096, 4097].map(by_32_khz), [4096, 4096, 12_288]);
         assert_eq!(at(u64::MAX, ns, Rate::hz(400)), u64::MAX);
     }
 }

@@ -80,6 +80,7 @@ pub struct Setup<'e, M: Machine> {
     /// The room for requests to the supervisor.
     asks: Option<Allocator>,
     waiting: Waiting,
+    ahead: Duration,
     interrupts: Option<&'e dyn InterruptEntry>,
     handlers: List<(Vector, &'e str, MessageHandler<'e>), HANDLERS>,
     loops: List<Loop<'e>, LOOPS>,
@@ -161,6 +162,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             area: None,
             asks: None,
             waiting: machine.waiting(),
+            ahead: Duration::ZERO,
             interrupts: None,
             handlers: List::new(),
             loops: List::new(),
@@ -384,6 +386,13 @@ impl<'e, M: Machine> Setup<'e, M> {
         self.servo_with(name, rate, Overrun::Skip, body)
     }
 
+    /// Releases all loops of the program that much earlier than [`servo`](Self::servo) says. So what this program does
+    /// is done when the loops of others begin that use it.
+    pub const fn ahead(&mut self, ahead: Duration) -> &mut Self {
+        self.ahead = ahead;
+        self
+    }
+
     /// Adds a servo loop as [`servo`](Self::servo) does. `overrun` says what happens to a release
     /// that comes before the last run has finished.
     pub fn servo_with(
@@ -589,7 +598,7 @@ impl<'e, M: Machine> Setup<'e, M> {
                 if loops.is_empty() {
                     return run(None);
                 }
-                machine.with_loops(&mut loops, |loops| run(Some(loops)))?
+                machine.with_loops(&mut loops, self.ahead, |loops| run(Some(loops)))?
             })?
         };
         match self.interrupts {

@@ -7,7 +7,7 @@
 //! register of an output counts from 0 V, the voltage that a drive gets while no program has its board open. 0 V
 //! corresponds to the counts of 0 N.
 
-use condor_dev::{Bus, Location, NoInterrupts, Switch, device_switch};
+use condor_dev::{Bus, InterruptController, Location, Switch, device_switch};
 use condor_hand::config::{Channel, Converter, OutputChannel};
 use condor_robot::RobotDescription;
 use condor_robot::boards::{BoardError, Boards, processor};
@@ -32,8 +32,9 @@ use wires::{Panel, sockets};
 pub struct Rack;
 
 impl Boards for Rack {
-    type Panel<B: Bus + Send + Sync> = Panel<B>;
-    type Wires<'p, B: Bus + Send + Sync + 'p> = RackWires<'p, B>;
+    type Panel<B: Bus + Send + Sync, C: InterruptController + Send + Sync> = Panel<B, C>;
+    type Wires<'p, B: Bus + Send + Sync + 'p, C: InterruptController + Send + Sync + 'p> =
+        RackWires<'p, B>;
 
     fn check(robot: &RobotDescription) -> Result<(), BoardError> {
         let mut owners = [None; address::DAC.len()];
@@ -80,16 +81,21 @@ impl Boards for Rack {
         Ok(())
     }
 
-    fn panel<B: Bus + Send + Sync>(bus: B, robot: &RobotDescription, processor: u8) -> Panel<B> {
+    fn panel<B: Bus + Send + Sync, C: InterruptController + Send + Sync>(
+        bus: B,
+        controller: C,
+        robot: &RobotDescription,
+        processor: u8,
+    ) -> Panel<B, C> {
         let mut boards = BoardSet::default();
         for socket in sockets(robot, processor) {
             boards.insert(socket.board);
         }
-        Switch::new(RackBus::new(bus, boards), NoInterrupts, RackBoards::new())
+        Switch::new(RackBus::new(bus, boards), controller, RackBoards::new())
     }
 
-    fn open<'p, B: Bus + Send + Sync>(
-        panel: &'p Panel<B>,
+    fn open<'p, B: Bus + Send + Sync, C: InterruptController + Send + Sync>(
+        panel: &'p Panel<B, C>,
         robot: &RobotDescription,
         processor: u8,
         rest: impl Fn(Channel) -> u32,
@@ -112,6 +118,13 @@ pub mod address {
     pub const BOARD_BYTES: usize = 0x100;
 }
 
+/// The interrupt vectors of the analog-to-digital boards, by their numbers: those of a slot share one.
+const VECTORS: [u16; address::ADC.len()] = [128, 128, 129, 129];
+/// Their level.
+const LEVEL: u8 = 2;
+/// How long before the loop of a processor its analog-to-digital boards convert, µs.
+const AHEAD_US: u16 = 100;
+
 /// The input slot of the encoder board.
 const ENCODER_SLOT: u8 = 2;
 /// Converter boards in a slot.
@@ -122,10 +135,10 @@ device_switch! {
     #[derive(Debug)]
     pub struct RackBoards {
         adc: Adc16 = [
-            Location::at(address::ADC[0]),
-            Location::at(address::ADC[1]),
-            Location::at(address::ADC[2]),
-            Location::at(address::ADC[3]),
+            Location::at(address::ADC[0]).interrupting(VECTORS[0], LEVEL),
+            Location::at(address::ADC[1]).interrupting(VECTORS[1], LEVEL),
+            Location::at(address::ADC[2]).interrupting(VECTORS[2], LEVEL),
+            Location::at(address::ADC[3]).interrupting(VECTORS[3], LEVEL),
         ],
         dac: Dac16 = [
             Location::at(address::DAC[0]),

@@ -114,12 +114,15 @@ fn fetch(
     let status = ControlClient::connect(directory)?.status()?;
     let mut view = View::open(directory, status.window_bytes)?;
     view.join()?;
-    let known = VariableCatalog::all(&view, &status.processors)?;
+    let known = VariableCatalog::read(&view, &status.processors);
     let mut choice = Choice::of(&known.all, wish, &known.hint(), |one: &CatalogEntry| {
         (one.entry.unit.to_string(), one.of.labels.clone())
     });
     let mut numbers = Numbers::new(extensions, directory, &status, &view);
     choice.find_others(|name| numbers.find(name));
+    if wish.panes.iter().all(Vec::is_empty) {
+        known.check(&status.processors)?;
+    }
     let first = choice.columns.len();
     if !choice.trouble().is_none_or(&mut *tell) {
         return Ok(End::Over);

@@ -94,30 +94,46 @@ pub struct VariableCatalog {
 }
 
 impl VariableCatalog {
-    /// Reads the tables of the processors in `members`. If a table cannot be read, the reason is added to
-    /// [`troubles`](Self::troubles), and the other tables are read all the same.
+    /// Reads the tables of the processors in `members`, as [`read`](Self::read) does.
     ///
     /// # Errors
     /// Returns an error if there is no variable at all; the text names the tables that could not be read.
     pub fn all(view: &View, members: &[Member]) -> Result<Self, AnyError> {
+        let known = Self::read(view, members);
+        known.check(members)?;
+        Ok(known)
+    }
+
+    /// Reads the tables of the processors in `members`. If a table cannot be read, the reason is added to
+    /// [`troubles`](Self::troubles), and the other tables are read all the same.
+    #[must_use]
+    pub fn read(view: &View, members: &[Member]) -> Self {
         let mut known = Self::default();
         for member in members {
             if let Err(error) = known.add(view, &Arc::new(member.clone()), |_| true) {
                 known.troubles.push(format!("{}: {error}", member.name));
             }
         }
-        if known.all.is_empty() {
+        known
+    }
+
+    /// Checks that there is a variable in the tables of `members`, from which this was read.
+    ///
+    /// # Errors
+    /// Returns an error if there is none; the text names the tables that could not be read.
+    pub fn check(&self, members: &[Member]) -> Result<(), AnyError> {
+        if self.all.is_empty() {
             let whose = match members {
                 [only] => only.name.as_str(),
                 _ => "the system",
             };
-            let troubles = match known.troubles.as_slice() {
+            let troubles = match self.troubles.as_slice() {
                 [] => "the programs publish none".into(),
                 troubles => troubles.join("; "),
             };
             return Err(format!("{whose} has no variables: {troubles}").into());
         }
-        Ok(known)
+        Ok(())
     }
 
     /// Returns the index in `columns` of the variable called `name`. Returns `None` if it is not in `columns`, or if

@@ -2,7 +2,7 @@
 
 use core::array;
 
-use condor_dev::Bus;
+use condor_dev::{Bus, InterruptVector};
 use condor_hand::config::{Finger, InputChannel, OutputChannel, Wire};
 use condor_hand::grasp::Wrench;
 use condor_hand::math::abs;
@@ -17,7 +17,7 @@ use super::arguments::Arguments;
 use super::ball::Support;
 use super::requests::{NumberRange, PlantRefusal, PlantTarget};
 use super::watchdog::{BoardInput, Watchdog};
-use crate::boards::{BoardError, BoardEvent, SimBoards};
+use crate::boards::{BoardError, BoardEvent, SimBoards, processor};
 use crate::recording::Fnv;
 use crate::{FINGERS, Failure, JOINTS, Mechanism, RobotDescription, joints};
 
@@ -32,7 +32,7 @@ const BEYOND_RAD: f64 = 0.3;
 /// Sensors of the hand and its table, at most.
 const INPUTS: usize = (3 * JOINTS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
-/// Boards of outputs, at most, and the outputs of one.
+/// Boards of outputs, or of inputs, at most, and the outputs of one.
 const BOARDS: usize = 16;
 const LINES: usize = 32;
 
@@ -69,6 +69,10 @@ pub(super) struct Robot {
     hash: Fnv,
     boards: heapless::Vec<OutputBoard, BOARDS>,
     inputs: heapless::Vec<Sensor, INPUTS>,
+    /// A bit for each processor that has a wire at a board of inputs, by the numbers of boards.
+    readers: [u64; BOARDS],
+    /// The instant of the latest tick, ns.
+    shown_ns: u64,
     /// In the axes of the palm.
     directions: [Vector3<f64>; AXES],
     cut: [TendonPairs<bool, JOINTS>; FINGERS],
@@ -101,6 +105,8 @@ struct Line {
 struct Sensor {
     wire: Wire,
     adc: InputChannel,
+    /// The number of its board.
+    board: usize,
     /// The counts at which the sensor is stuck.
     stuck: Option<u32>,
 }
@@ -152,7 +158,9 @@ impl Robot {
             ticks: 0,
             hash: Fnv::new(),
             boards: output_boards::<B>(hand, arguments)?,
-            inputs: sensors(hand),
+            inputs: sensors::<B>(hand),
+            readers: readers::<B>(hand),
+            shown_ns: 0,
             directions,
             cut: [[Pair::both(false); JOINTS]; FINGERS],
             push: Wrench::zero(),
@@ -165,9 +173,16 @@ impl Robot {
         })
     }
 
-    /// One period: actuators do what the boards say, time passes, and sensors are read.
-    pub(super) fn tick<B: SimBoards, S: Bus>(&mut self, bus: &S) -> TrueState {
-        if let Err(cause) = self.advance::<B, S>(bus) {
+    /// One period until `now_ns`: actuators do what the boards say, time passes, and sensors are read. `raise` gets the
+    /// processors that boards interrupt.
+    pub(super) fn tick<B: SimBoards, S: Bus>(
+        &mut self,
+        bus: &S,
+        now_ns: u64,
+        raise: &mut dyn FnMut(u8, InterruptVector),
+    ) -> TrueState {
+        let done = self.advance::<B, S>(bus);
+        if let Err(cause) = done.and_then(|()| self.show::<B, S>(bus, now_ns, raise)) {
             self.failures = self.failures.saturating_add(1);
             self.cause = Some(cause);
         }
@@ -225,7 +240,7 @@ impl Robot {
         self.hand.push_object(wrench)?;
         self.hand.step(&commands)?;
         self.ticks = self.ticks.wrapping_add(1);
-        self.show::<B, S>(bus)
+        Ok(())
     }
 
     /// Returns the wrench on the ball beside fingers and gravity.
@@ -240,10 +255,29 @@ impl Robot {
         wrench
     }
 
-    /// Brings what the sensors say into the registers.
-    pub(super) fn show<B: SimBoards, S: Bus>(&self, bus: &S) -> Result<(), Failure> {
+    /// Brings what the sensors say into the registers of those boards that have converted until `now_ns`.
+    pub(super) fn show<B: SimBoards, S: Bus>(
+        &mut self,
+        bus: &S,
+        now_ns: u64,
+        raise: &mut dyn FnMut(u8, InterruptVector),
+    ) -> Result<(), Failure> {
+        let since_ns = core::mem::replace(&mut self.shown_ns, now_ns);
+        let mut due = [false; BOARDS];
+        let used = self.readers.iter().map(|readers| *readers != 0);
+        for ((board, due), is_used) in (0..).zip(&mut due).zip(used) {
+            *due = is_used && B::is_due(bus, board, since_ns, now_ns)?;
+        }
         for sensor in &self.inputs {
-            B::set_input(bus, sensor.adc.channel(), self.counts(sensor))?;
+            if due.get(sensor.board) == Some(&true) {
+                B::set_input(bus, sensor.adc.channel(), self.counts(sensor))?;
+            }
+        }
+        for ((board, is_due), readers) in (0..).zip(due).zip(&self.readers) {
+            if is_due && let Some(vector) = B::converted(bus, board)? {
+                let readers = (0..u64::BITS as u8).filter(|reader| readers >> reader & 1 != 0);
+                readers.for_each(|reader| raise(reader, vector));
+            }
         }
         Ok(())
     }
@@ -581,7 +615,7 @@ fn bit(number: u8) -> u64 {
 }
 
 /// The sensors with the wires of a description.
-fn sensors(hand: &RobotDescription) -> heapless::Vec<Sensor, INPUTS> {
+fn sensors<B: SimBoards>(hand: &RobotDescription) -> heapless::Vec<Sensor, INPUTS> {
     let mut sensors = heapless::Vec::new();
     for (channel, wire) in hand.wires() {
         let adc = hand.input(wire).filter(|adc| adc.channel() == channel);
@@ -590,11 +624,25 @@ fn sensors(hand: &RobotDescription) -> heapless::Vec<Sensor, INPUTS> {
             let _ = sensors.push(Sensor {
                 wire,
                 adc: *adc,
+                board: B::input_board(channel).map_or(BOARDS, usize::from),
                 stuck: None,
             });
         }
     }
     sensors
+}
+
+/// Returns a bit for each processor that reads a board of inputs, by the numbers of boards.
+fn readers<B: SimBoards>(hand: &RobotDescription) -> [u64; BOARDS] {
+    let mut readers = [0; BOARDS];
+    for (channel, wire) in hand.wires() {
+        let board = B::input_board(channel).map(usize::from);
+        let reader = processor(hand, wire).unwrap_or(0);
+        if let Some(readers) = board.and_then(|board| readers.get_mut(board)) {
+            *readers |= bit(reader);
+        }
+    }
+    readers
 }
 
 /// A joint's part of what all joints have.

@@ -405,13 +405,14 @@ impl Machine for LinuxProcess {
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],
+        ahead: Duration,
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
     ) -> Result<R, ProgramError> {
         match &self.way {
             LoopPlatform::Threads(priority, _) => {
                 let rates = servo::rates(loops)?;
                 let now = self.doorbell.now().as_ns();
-                let start = servo::first_release(now, NANOSECONDS, &rates);
+                let start = servo::first_release(now, NANOSECONDS, &rates, ahead);
                 let threads = Threads::new(&rates, urgent(*priority))?;
                 servo::run(&threads, loops, start, || {
                     self.tell(&threads.privileges());
@@ -421,14 +422,19 @@ impl Machine for LinuxProcess {
             LoopPlatform::Signals => {
                 // SAFETY: whoever allowed signals for this machine has promised what is asked for.
                 let timer = ProcessTimer::Signals(unsafe { SignalPlatform::new() });
-                on_one_stack(timer, loops, background)
+                on_one_stack(timer, loops, ahead, background)
             }
             LoopPlatform::Spin(spinner) => {
                 let (spinner, clock) = (spinner.clone(), self.doorbell.clone());
-                on_one_stack(ProcessTimer::Spin { spinner, clock }, loops, background)
+                on_one_stack(
+                    ProcessTimer::Spin { spinner, clock },
+                    loops,
+                    ahead,
+                    background,
+                )
             }
             LoopPlatform::Simulated(clock) => {
-                on_one_stack(SimulatedTimer(clock.clone()), loops, background)
+                on_one_stack(SimulatedTimer(clock.clone()), loops, ahead, background)
             }
         }
     }

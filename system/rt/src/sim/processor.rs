@@ -1,5 +1,6 @@
 //! [`SimMachine`]: one of several processors in virtual time, with its doorbell, timer and sections.
 
+use core::time::Duration;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 
@@ -181,8 +182,9 @@ impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],
+        ahead: Duration,
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
     ) -> Result<R, ProgramError> {
-        on_one_stack(self.platform(), loops, background)
+        on_one_stack(self.platform(), loops, ahead, background)
     }
 }

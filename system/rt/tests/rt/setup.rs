@@ -240,9 +240,10 @@ impl<M: Machine> Machine for Late<'_, M> {
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],
+        ahead: Duration,
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
     ) -> Result<R, ProgramError> {
-        self.0.with_loops(loops, background)
+        self.0.with_loops(loops, ahead, background)
     }
 }
 

@@ -88,7 +88,7 @@ impl Program for Talker<'_> {
                 self.note((number.0, now(), "late", counts.worst_lateness));
             }
         };
-        machine.with_loops(&mut loops, background)
+        machine.with_loops(&mut loops, Duration::ZERO, background)
     }
 }
 

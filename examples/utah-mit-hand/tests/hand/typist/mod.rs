@@ -576,9 +576,10 @@ impl Machine for Ending<'_> {
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],
+        ahead: Duration,
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
     ) -> Result<R, ProgramError> {
-        self.machine.with_loops(loops, background)
+        self.machine.with_loops(loops, ahead, background)
     }
 
     fn bus(&self) -> LinuxBus {

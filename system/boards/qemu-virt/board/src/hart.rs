@@ -1,5 +1,7 @@
 //! [`Hart`]: a hart as the machine of a program.
 
+use core::time::Duration;
+
 use condor_clock::Page;
 use condor_dev::{InterruptEntry, Mmio};
 use condor_mbox::{CriticalSection, Processor, Region, StaticWindow, Windows};
@@ -245,9 +247,10 @@ impl Machine for Hart {
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],
+        ahead: Duration,
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
     ) -> Result<R, ProgramError> {
-        on_one_stack(self.platform(), loops, background)
+        on_one_stack(self.platform(), loops, ahead, background)
     }
 }
 

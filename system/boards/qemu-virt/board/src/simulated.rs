@@ -188,8 +188,9 @@ impl<'h> Machine for SimulatedHart<'h> {
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],
+        ahead: Duration,
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
     ) -> Result<R, ProgramError> {
-        on_one_stack(SimulatedTimer(self.clock), loops, background)
+        on_one_stack(SimulatedTimer(self.clock), loops, ahead, background)
     }
 }

@@ -1,16 +1,20 @@
 //! The simulated robot's side of the boards, as their drivers describe the registers.
 
-use condor_dev::{Bus, BusError};
+use condor_dev::{Bus, BusError, InterruptVector};
 use condor_hand::config::{Channel, OutputChannel};
 use condor_robot::boards::{BoardEvent, BusFault, SimBoards};
 
-use super::{Board, Rack, Socket, address, input_register, output_counts, socket, zero_of};
+use super::{Board, Rack, Socket, VECTORS, address, input_register, output_counts};
+use super::{socket, zero_of};
 use crate::{Adc16, Encoder8};
 
 mod offset {
     pub(super) const IDENTIFICATION: usize = 0x00;
     pub(super) const CONTROL: usize = 0x02;
     pub(super) const STROBE: usize = 0x04;
+    pub(super) const RATE: usize = 0x08;
+    pub(super) const AHEAD: usize = 0x0a;
+    pub(super) const COUNT: usize = 0x0c;
     pub(super) const CHANNELS: usize = 0x20;
 }
 
@@ -18,6 +22,12 @@ const ADC: u16 = 0xadc0;
 const DAC: u16 = 0xdac0;
 const ENCODER: u16 = 0xe4c0;
 const CONNECTED: u16 = 1 << 0;
+/// The trigger of an A/D board in its control register, and whether conversions interrupt.
+const TRIGGER: u16 = 3;
+const TIMER: u16 = 3;
+const INTERRUPTS: u16 = 1 << 4;
+/// The number of the encoder board among the boards of inputs.
+const ENCODERS: u8 = address::ADC.len() as u8;
 
 impl SimBoards for Rack {
     fn plug<B: Bus>(bus: &B, is_present: bool) -> Result<(), BusFault> {
@@ -58,6 +68,38 @@ impl SimBoards for Rack {
         write16(bus, at, input_register(counts).cast_unsigned())
     }
 
+    fn input_board(input: Channel) -> Option<u8> {
+        match socket(input)?.board {
+            Board::Adc(board) => Some(board),
+            Board::Encoder => Some(ENCODERS),
+            Board::Dac(_) => None,
+        }
+    }
+
+    fn is_due<B: Bus>(bus: &B, board: u8, since_ns: u64, now_ns: u64) -> Result<bool, BusFault> {
+        let Some(base) = Board::Adc(board).address() else {
+            return Ok(true);
+        };
+        if read16(bus, base + offset::CONTROL)? & TRIGGER != TIMER {
+            return Ok(true);
+        }
+        let rate_hz = read16(bus, base + offset::RATE)?;
+        let ahead_us = read16(bus, base + offset::AHEAD)?;
+        let begun = |at_ns| conversions(at_ns, rate_hz, ahead_us);
+        Ok(begun(now_ns) > begun(since_ns))
+    }
+
+    fn converted<B: Bus>(bus: &B, board: u8) -> Result<Option<InterruptVector>, BusFault> {
+        let Some(base) = Board::Adc(board).address() else {
+            return Ok(None);
+        };
+        let count = read16(bus, base + offset::COUNT)?.wrapping_add(1);
+        write16(bus, base + offset::COUNT, count)?;
+        let interrupts = read16(bus, base + offset::CONTROL)? & INTERRUPTS != 0;
+        let vector = VECTORS.get(usize::from(board)).filter(|_| interrupts);
+        Ok(vector.copied().map(InterruptVector))
+    }
+
     fn output_board(output: Channel) -> Option<u8> {
         match socket(output)?.board {
             Board::Dac(board) => Some(board),
@@ -93,6 +135,17 @@ impl SimBoards for Rack {
     }
 }
 
+/// The number of conversions, from the beginning of time to an instant, of a timer that starts them so much earlier
+/// than the middles of its periods.
+fn conversions(at_ns: u64, rate_hz: u16, ahead_us: u16) -> u64 {
+    const SECOND: u64 = 1_000_000_000;
+    let at = at_ns.saturating_add(1000 * u64::from(ahead_us));
+    let rate = u64::from(rate_hz);
+    // Middles in whole seconds, and in the rest: the first is after half a period.
+    let whole = (at / SECOND).saturating_mul(rate);
+    whole + (at % SECOND * rate * 2 + SECOND) / (2 * SECOND)
+}
+
 fn read16<B: Bus>(bus: &B, address: usize) -> Result<u16, BusFault> {
     let read = bus.read16(address);
     read.map_err(|error| fault::<B>(address, &error))
@@ -106,4 +159,24 @@ fn write16<B: Bus>(bus: &B, address: usize, value: u16) -> Result<(), BusFault> 
 fn fault<B: Bus>(address: usize, error: &B::Error) -> BusFault {
     let kind = error.kind();
     BusFault { address, kind }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::conversions;
+
+    #[test]
+    fn a_timer_converts_ahead_of_the_middles_of_its_periods() {
+        let begun = |at_ns| conversions(at_ns, 400, 100);
+        let day = 86_400_000_000_000;
+        for begin in [0, day] {
+            let of = |at_ns| begun(begin + at_ns) - begin / 2_500_000;
+            assert_eq!(
+                [of(1_149_999), of(1_150_000), of(3_649_999), of(3_650_000)],
+                [0, 1, 1, 2]
+            );
+        }
+        assert_eq!(conversions(u64::MAX, 0, u16::MAX), 0);
+        assert!(conversions(u64::MAX, u16::MAX, u16::MAX) > 0);
+    }
 }

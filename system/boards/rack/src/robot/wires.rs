@@ -1,19 +1,20 @@
 //! [`RackWires`]: the channels of one processor, transferred board by board.
 
-use condor_dev::{Bus, Device, NoInterrupts, OpenMode, Switch};
+use condor_dev::{Bus, BusError, Device, InterruptController, OpenError, OpenMode, Switch};
 use condor_hand::config::Channel;
 use condor_robot::RobotDescription;
 use condor_robot::boards::{BoardError, Wires, processor};
 
 use super::bus::RackBus;
-use super::{Board, RackBoards, Socket, address, input_counts, output_register, socket, zero_of};
+use super::{AHEAD_US, Board, RackBoards, Socket, address, input_counts, output_register};
+use super::{socket, zero_of};
 use crate::{Adc16, Dac16, Encoder8};
 
 /// Boards that a processor can have open: all of them.
 const OPEN: usize = address::ADC.len() + address::DAC.len() + 1;
 
 /// The device switch of a processor.
-pub(super) type Panel<B> = Switch<RackBus<B>, NoInterrupts, RackBoards, OPEN>;
+pub(super) type Panel<B, C> = Switch<RackBus<B>, C, RackBoards, OPEN>;
 
 type Open<'s, B, D> = Option<Device<'s, RackBus<B>, D, OPEN>>;
 
@@ -50,10 +51,22 @@ pub(super) fn sockets(hand: &RobotDescription, number: u8) -> impl Iterator<Item
         .filter_map(|(channel, _)| socket(channel))
 }
 
+/// The rate of the fastest processor that reads an A/D board, Hz.
+fn rate_hz(hand: &RobotDescription, board: u8) -> Option<u16> {
+    let reads = |(channel, _): &(Channel, _)| {
+        socket(*channel).is_some_and(|socket| socket.board == Board::Adc(board))
+    };
+    let rates = hand.wires().filter(reads).filter_map(|(_, wire)| {
+        let reader = hand.processor(processor(hand, wire)?);
+        Some(reader.map_or(hand.servo_hz, |reader| hand.rate_hz(reader)))
+    });
+    rates.max().and_then(|rate| u16::try_from(rate).ok())
+}
+
 impl<'s, B: Bus + Send + Sync> RackWires<'s, B> {
     /// Opens the boards at which a processor has a wire.
-    pub(super) fn new(
-        panel: &'s Panel<B>,
+    pub(super) fn new<C: InterruptController>(
+        panel: &'s Panel<B, C>,
         hand: &RobotDescription,
         number: u8,
         rest: impl Fn(Channel) -> u32,
@@ -92,6 +105,14 @@ impl<'s, B: Bus + Send + Sync> RackWires<'s, B> {
                     if let Some(adc) = wires.adc.get_mut(usize::from(number)) {
                         if adc.device.is_none() {
                             let open = panel.open_typed(RackBoards::adc, number, OpenMode::READ)?;
+                            if let Some(rate_hz) = rate_hz(hand, number) {
+                                let set = open.set_timer(open.registers, rate_hz, AHEAD_US);
+                                set.map_err(|error| OpenError::Bus {
+                                    name: "adc",
+                                    board: number,
+                                    kind: error.kind(),
+                                })?;
+                            }
                             adc.device = Some(open);
                         }
                         adc.used = adc.used.max(line + 1);

@@ -11,6 +11,9 @@ pub struct AdcModel {
     pub channels: [i16; 16],
     converted: [i16; 16],
     control: u16,
+    rate_and_ahead: [u16; 2],
+    count: u16,
+    asks: bool,
     converting: bool,
     completed: bool,
 }
@@ -23,12 +26,22 @@ impl AdcModel {
         }
     }
 
+    /// Has the timer start and complete a conversion.
+    pub fn tick(&mut self) {
+        if self.control & 3 == 3 {
+            self.begin();
+            self.complete();
+        }
+    }
+
     /// Completes the conversion that was started, if there is one.
     pub fn complete(&mut self) {
         if self.converting {
             self.converted = self.channels;
             self.completed = true;
             self.converting = false;
+            self.count = self.count.wrapping_add(1);
+            self.asks = self.control & 1 << 4 != 0;
         }
     }
 
@@ -48,7 +61,11 @@ impl Model for AdcModel {
             (0, Width::Bits16) => Some(0xadc0),
             (2, Width::Bits16) => Some(self.control.into()),
             (6, Width::Bits16) => Some((self.completed || self.control == 0).into()),
+            (8, Width::Bits16) => Some(self.rate_and_ahead[0].into()),
+            (10, Width::Bits16) => Some(self.rate_and_ahead[1].into()),
+            (12, Width::Bits16) => Some(self.count.into()),
             (0x20..0x40, Width::Bits16) => {
+                self.asks = false;
                 let latest = if self.control == 0 {
                     &self.channels
                 } else {
@@ -65,14 +82,22 @@ impl Model for AdcModel {
         match (offset, width) {
             (2, Width::Bits16) => {
                 self.converted = self.channels;
-                self.control = value as u16 & 3;
+                self.control = value as u16 & 0x13;
+                self.asks = false;
                 self.converting = false;
                 self.completed = false;
             }
+            (8, Width::Bits16) => self.rate_and_ahead[0] = value as u16,
+            (10, Width::Bits16) => self.rate_and_ahead[1] = value as u16,
             (4, Width::Bits16) if self.control == 1 => self.begin(),
             (4, Width::Bits16) => {}
             _ => return None,
         }
         Some(())
+    }
+
+    /// Until a channel of the conversion is read.
+    fn interrupts(&self) -> bool {
+        self.asks
     }
 }
