@@ -4,7 +4,7 @@ use core::num::NonZeroU32;
 
 use crate::bus::Bus;
 use crate::driver::{Attention, Driver};
-use crate::interrupt::{InterruptController, InterruptEntry, InterruptVector};
+use crate::interrupt::{InterruptController, InterruptVector};
 use crate::record::{Answer, ENDLESS, InterruptCounts};
 use crate::set::{DeviceSet, Link, Visitor};
 use crate::switch::Switch;
@@ -117,6 +117,24 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
         answer
     }
+}
+
+/// The entry of all interrupts of a processor's boards, and what became of them; a
+/// [`Switch`](crate::Switch) is one. Machines call it when a board interrupts.
+pub trait InterruptEntry: Sync {
+    /// Serves all pending interrupts; see [`Switch::on_interrupt`](crate::Switch::on_interrupt).
+    fn serve_interrupts(&self);
+
+    /// Returns how many interrupts came since the entry was made, by outcome.
+    fn counts(&self) -> InterruptCounts;
+
+    /// Calls `each` with the vectors that interrupted although no board has them, and how often each
+    /// came; see [`Switch::unhandled`](crate::Switch::unhandled).
+    fn each_unhandled(&self, each: &mut dyn FnMut(InterruptVector, u32));
+
+    /// Calls `each` with the vectors of boards that were disabled because their interrupts did not
+    /// end, and how often each was; see [`Switch::stuck`](crate::Switch::stuck).
+    fn each_stuck(&self, each: &mut dyn FnMut(InterruptVector, u32));
 }
 
 impl<B, C, S, const F: usize> InterruptEntry for Switch<B, C, S, F>

@@ -1,6 +1,4 @@
-//! [`InterruptController`] enables, claims and completes interrupts; [`InterruptEntry`] serves them.
-
-use crate::record::InterruptCounts;
+//! [`InterruptController`]: enables, claims and completes interrupts.
 
 /// The number of an interrupt vector, as the interrupt controller counts its vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -64,24 +62,6 @@ impl<C: InterruptController + ?Sized> InterruptController for &C {
     fn complete(&self, vector: InterruptVector) {
         C::complete(self, vector);
     }
-}
-
-/// The entry of all interrupts of a processor's boards, and what became of them; a
-/// [`Switch`](crate::Switch) is one. Machines call it when a board interrupts.
-pub trait InterruptEntry: Sync {
-    /// Serves all pending interrupts; see [`Switch::on_interrupt`](crate::Switch::on_interrupt).
-    fn serve_interrupts(&self);
-
-    /// Returns how many interrupts came since the entry was made, by outcome.
-    fn counts(&self) -> InterruptCounts;
-
-    /// Calls `each` with the vectors that interrupted although no board has them, and how often each
-    /// came; see [`Switch::unhandled`](crate::Switch::unhandled).
-    fn each_unhandled(&self, each: &mut dyn FnMut(InterruptVector, u32));
-
-    /// Calls `each` with the vectors of boards that were disabled because their interrupts did not
-    /// end, and how often each was; see [`Switch::stuck`](crate::Switch::stuck).
-    fn each_stuck(&self, each: &mut dyn FnMut(InterruptVector, u32));
 }
 
 /// An [`InterruptController`] that never interrupts, for a [`Switch`](crate::Switch) in which no

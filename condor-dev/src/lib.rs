@@ -82,14 +82,13 @@ mod interrupted;
 
 pub use bus::{Bus, BusAccessError, BusError, BusErrorKind, Registers, Width};
 pub use device::Device;
+pub use dispatch::InterruptEntry;
 pub use driver::{Attention, DeviceError, Driver};
 #[cfg(not(condor_loom))]
 pub use drivers::register::{Count, ShadowRegister};
 pub use error::{IoError, OpenError};
 pub use fd::{Fd, FdError, OpenMode};
-pub use interrupt::{
-    InterruptController, InterruptEntry, InterruptLevel, InterruptVector, NoInterrupts,
-};
+pub use interrupt::{InterruptController, InterruptLevel, InterruptVector, NoInterrupts};
 pub use mmio::Mmio;
 pub use record::InterruptCounts;
 pub use ring::{Ring, RingReader, RingWriter};

@@ -73,7 +73,7 @@ pub const TRUTH_NAME: &str = "truth";
 /// The name of the published [`CameraObject`] in the object table of the robot's processor.
 pub const OBJECT_NAME: &str = "object";
 
-/// How much earlier than other loops the robot's is released.
+/// The time from a release of the robot's loop to that of the loops that read its boards.
 const AHEAD: Duration = Duration::from_micros(100);
 
 /// The true state of the simulated robot, which its program publishes in every tick; controllers see only sensors.

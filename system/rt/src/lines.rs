@@ -16,7 +16,7 @@ use crate::numbers::PROCESSORS;
 
 /// The vector of the first line. Lower numbers are for the interrupt controllers of machines.
 const FIRST: u16 = 128;
-/// The number of levels, as many as those of a VMEbus.
+/// The number of levels, as many as those of a VME bus.
 const LEVELS: usize = 7;
 
 /// The word of a processor's lines, in its `data`; `None` if the memory cannot be accessed by plain words.
@@ -29,7 +29,7 @@ fn bit(vector: InterruptVector) -> Option<u32> {
     1_u32.checked_shl(vector.0.checked_sub(FIRST)?.into())
 }
 
-/// What a processor knows of its own lines, for [`BoardLines`].
+/// The levels of a processor's lines, and which of them are being served, for [`BoardLines`].
 #[derive(Debug)]
 pub struct LineState {
     /// The lines that each level enables, from level 1 on.

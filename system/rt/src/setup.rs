@@ -23,7 +23,7 @@ use crate::loops::LoopReport;
 use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
 use crate::objects::{ObjectKind, ObjectTable};
-use crate::running::{Background, ConsoleOf, FILES, HandlerCall, LoopTick, Screen};
+use crate::running::{Background, ConsoleOf, FILES, HandlerCall, LoopTick, Reports, Screen};
 use crate::servo::{LOOPS, ServoLoop};
 use crate::supervisor::Supervisor;
 use crate::text::ShortText;
@@ -496,10 +496,6 @@ impl<'e, M: Machine> Setup<'e, M> {
         }
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports()?;
-        let interrupts = self
-            .interrupts
-            .map(|_| self.publish_fields(Interrupts::NAME));
-        let reports = (interrupts.transpose()?, reports);
         let watched: Vec<&dyn Watch, VARIABLES> = fitting(self.watched.iter().copied());
         let tuned: Vec<&dyn Tune, VARIABLES> = fitting(self.tuned.iter().copied());
         let (windows, doorbell) = (self.machine.windows(), self.machine.doorbell());
@@ -543,10 +539,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         mailbox.join()?;
 
         let (mailbox, own) = (&mailbox, &self.own);
-        let rates_hz = self.loops.iter().map(|one| {
-            let param = one.rate_hz?;
-            Some((param, Cell::new(one.rate.numerator())))
-        });
+        let rates_hz =
+            (self.loops.iter()).map(|one| Some((one.rate_hz?, Cell::new(one.rate.numerator()))));
         let rates_hz: Vec<_, LOOPS> = fitting(rates_hz);
         // The list itself would panic where it ends.
         let bodies = self.loops.iter_mut().zip(samplers.iter_mut());
@@ -601,10 +595,7 @@ impl<'e, M: Machine> Setup<'e, M> {
                 machine.with_loops(&mut loops, self.ahead, |loops| run(Some(loops)))?
             })?
         };
-        match self.interrupts {
-            Some(entry) => machine.with_interrupts(entry, run)?,
-            None => run(),
-        }
+        with_boards(machine, self.interrupts, run)
     }
 
     /// Makes the tables of the loops that have variables or parameters.
@@ -658,7 +649,9 @@ impl<'e, M: Machine> Setup<'e, M> {
         }
     }
 
-    fn reports(&mut self) -> Result<Vec<LoopReport<M::Window>, LOOPS>, ProgramError> {
+    /// Makes the cells of the counts of interrupts and loops.
+    fn reports(&mut self) -> Result<Reports<M>, ProgramError> {
+        let interrupts = (self.interrupts).map(|_| self.publish_fields(Interrupts::NAME));
         let mut reports = Vec::new();
         for one in self.loops.iter() {
             let report =
@@ -667,7 +660,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             let _ =
                 reports.push(report.map_err(|error| ProgramError::not_entered(one.name, error))?);
         }
-        Ok(reports)
+        Ok((interrupts.transpose()?, reports))
     }
 
     /// Enters what has been placed from `first` on.
@@ -681,6 +674,18 @@ impl<'e, M: Machine> Setup<'e, M> {
             capacity,
             name: ShortText::of(name),
         });
+    }
+}
+
+/// Runs `run`, and serves the interrupts of boards meanwhile, if there are some.
+fn with_boards<M: Machine, R>(
+    machine: &M,
+    entry: Option<&dyn InterruptEntry>,
+    run: impl FnOnce() -> Result<R, ProgramError>,
+) -> Result<R, ProgramError> {
+    match entry {
+        Some(entry) => machine.with_interrupts(entry, run)?,
+        None => run(),
     }
 }
 

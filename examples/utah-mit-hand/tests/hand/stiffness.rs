@@ -8,9 +8,9 @@ use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 use crate::typist::{Typist, grasps, hand, run};
 
 /// The displacements by which forces and moments are chosen: m, rad. From 3 mm on joints come to their
-/// stops, which are stiff, too.
+/// stops, which are stiff, too; from 0.1 rad on two fingers touch each other.
 const ALONG_M: f64 = 2.5e-3;
-const ABOUT_RAD: f64 = 0.1;
+const ABOUT_RAD: f64 = 0.095;
 /// Pushes along and about an axis, in parts of those: counts of the sensors differ from one to the other,
 /// and what they round with them.
 const PARTS: [f64; 2] = [0.75, 1.0];

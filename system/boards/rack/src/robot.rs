@@ -122,7 +122,7 @@ pub mod address {
 const VECTORS: [u16; address::ADC.len()] = [128, 128, 129, 129];
 /// Their level.
 const LEVEL: u8 = 2;
-/// How long before the loop of a processor its analog-to-digital boards convert, µs.
+/// The time from a conversion of the analog-to-digital boards to the release of the loop that reads it, µs.
 const AHEAD_US: u16 = 100;
 
 /// The input slot of the encoder board.

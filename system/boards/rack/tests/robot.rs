@@ -1,12 +1,15 @@
 //! The boards as a robot of condor-robot has them: its channels, its registers, and which processor owns which board.
 
+use condor_dev::Bus as _;
+use condor_dev::sim::SimBus;
 use condor_hand::config::{Channel, Converter};
 use condor_robot::RobotDescription;
-use condor_robot::boards::{BoardError, Boards};
+use condor_robot::boards::{BoardError, Boards, SimBoards};
 use utah_mit_boards::robot::{
     Board, BoardSet, Rack, Socket, input_counts, input_register, output_counts, output_register,
     socket,
 };
+use utah_mit_boards::sim::AdcModel;
 
 fn channel(converter: Converter, board: u8, channel: u8) -> Channel {
     Channel {
@@ -85,4 +88,32 @@ fn boards_are_told_apart_by_their_addresses() {
     let mut boards = BoardSet::default();
     boards.insert(Board::Adc(4));
     assert_eq!(boards, BoardSet::default());
+}
+
+#[test]
+fn a_timer_converts_ahead_of_the_middles_of_its_periods() {
+    let bus = SimBus::new();
+    bus.insert(0, AdcModel::default());
+    let due = |since_ns, now_ns| Rack::is_due(&bus, 0, since_ns, now_ns).unwrap();
+    assert!(due(0, 1), "all the time");
+    let set = |rate_hz, ahead_us| {
+        for (register, value) in [(8, rate_hz), (10, ahead_us), (2, 0x13)] {
+            bus.write16(register, value).unwrap();
+        }
+    };
+    set(400, 100);
+    let day = 86_400_000_000_000;
+    for begin in [0, day] {
+        for middle in [1_250_000, 3_750_000, 999_998_750_000 - 5_000_000] {
+            let at = begin + middle - 100_000;
+            assert!(due(at - 1, at), "{at}");
+            assert!(!due(at, at + 2_499_999), "{at}");
+            assert!(due(at, at + 2_500_000), "{at}");
+        }
+    }
+    // 300 Hz: a period of 10 000 000 / 3 ns.
+    set(300, 0);
+    assert!(!due(0, 1_666_666) && due(1_666_666, 1_666_667));
+    set(0, u16::MAX);
+    assert!(!due(0, u64::MAX));
 }

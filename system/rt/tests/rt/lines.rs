@@ -92,11 +92,15 @@ enum Note {
     Mail,
 }
 
+/// Notes, each with its instant.
+type Notes = Vec<(u64, Note)>;
+
+/// The present instant, and what was noted until then.
 #[derive(Clone, Default)]
-struct Log(Arc<Mutex<(u64, Vec<(u64, Note)>)>>);
+struct Log(Arc<Mutex<(u64, Notes)>>);
 
 impl Log {
-    fn inside(&self) -> MutexGuard<'_, (u64, Vec<(u64, Note)>)> {
+    fn inside(&self) -> MutexGuard<'_, (u64, Notes)> {
         self.0.lock().unwrap()
     }
 
@@ -175,7 +179,7 @@ struct Reference {
     in_a_row: BTreeMap<u16, u32>,
     strangers: u32,
     counts: InterruptCounts,
-    log: Vec<(u64, Note)>,
+    log: Notes,
 }
 
 impl Reference {
@@ -315,7 +319,7 @@ fn target(
 }
 
 /// Lets `events` happen to a target in virtual time, and returns what it did and counted.
-fn run(events: &[(u64, Event)], work: u64, end: u64) -> (Vec<(u64, Note)>, Interrupts) {
+fn run(events: &[(u64, Event)], work: u64, end: u64) -> (Notes, Interrupts) {
     let (log, interrupts) = (Log::default(), Mutex::new(None));
     let bus = SimBus::new();
     let boards: Vec<_> = (0..LINES.len())
@@ -427,7 +431,7 @@ proptest! {
 }
 
 /// Sorts neighbours that are boards of one vector.
-fn in_order(mut log: Vec<(u64, Note)>) -> Vec<(u64, Note)> {
+fn in_order(mut log: Notes) -> Notes {
     let vector = |note: &(u64, Note)| match note.1 {
         Note::Board(board) => Some((note.0, LINES[board].0)),
         Note::Loop | Note::Mail => None,

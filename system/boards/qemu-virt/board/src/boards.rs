@@ -14,7 +14,7 @@ const LINES: InterruptVector = InterruptVector(128);
 // SAFETY: the machine has a PLIC there, whose registers have four bytes.
 static REGISTERS: Mmio = unsafe { Mmio::new(PLIC, PLIC_BYTES) };
 
-/// What this image's hart knows of its lines.
+/// The state of the lines of the hart that runs this image.
 static STATE: LineState = LineState::new();
 
 /// The PLIC of the machine, as one of its contexts sees it.

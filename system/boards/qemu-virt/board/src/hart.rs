@@ -214,7 +214,7 @@ impl Machine for Hart {
             hooks.boards.set(hook.map(|hook| (lines, hook)));
         };
         Ok(hooks::with(&serve, set, || {
-            // What interrupted before was not heard.
+            // An interrupt from before was not heard.
             msip::ring_hart(self.index as usize);
             background()
         }))

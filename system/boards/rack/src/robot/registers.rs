@@ -160,23 +160,3 @@ fn fault<B: Bus>(address: usize, error: &B::Error) -> BusFault {
     let kind = error.kind();
     BusFault { address, kind }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::conversions;
-
-    #[test]
-    fn a_timer_converts_ahead_of_the_middles_of_its_periods() {
-        let begun = |at_ns| conversions(at_ns, 400, 100);
-        let day = 86_400_000_000_000;
-        for begin in [0, day] {
-            let of = |at_ns| begun(begin + at_ns) - begin / 2_500_000;
-            assert_eq!(
-                [of(1_149_999), of(1_150_000), of(3_649_999), of(3_650_000)],
-                [0, 1, 1, 2]
-            );
-        }
-        assert_eq!(conversions(u64::MAX, 0, u16::MAX), 0);
-        assert!(conversions(u64::MAX, u16::MAX, u16::MAX) > 0);
-    }
-}
