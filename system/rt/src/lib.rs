@@ -23,7 +23,6 @@ mod variables;
 
 // The parts that a program needs of its processor.
 mod interrupts;
-#[cfg(target_has_atomic = "32")]
 mod lines;
 mod machine;
 pub mod numbers;
@@ -68,7 +67,6 @@ pub use condor_vars::{Param, Params, Var, Vars};
 
 pub use error::ProgramError;
 pub use interrupts::Interrupts;
-#[cfg(target_has_atomic = "32")]
 pub use lines::{BoardLines, LineState, Raiser};
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;

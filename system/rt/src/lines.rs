@@ -9,6 +9,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use condor_dev::{InterruptController, InterruptLevel, InterruptVector};
 use condor_mbox::layout::BOARD_LINES;
+#[cfg(not(target_has_atomic = "32"))]
+use condor_mbox::{CriticalSection, Exclusion as _};
 use condor_mbox::{Doorbell, MemoryWindow, Processor};
 
 use crate::machine::Machine;
@@ -22,6 +24,32 @@ const LEVELS: usize = 7;
 /// The word of a processor's lines, in its `data`; `None` if the memory cannot be accessed by plain words.
 fn raised<W: MemoryWindow>(data: &W) -> Option<&AtomicU32> {
     data.words()?.get().get((BOARD_LINES / 4) as usize)
+}
+
+/// Sets bits of a word, and returns what the word was; what was written before is seen by who clears them.
+fn set(word: &AtomicU32, bits: u32) -> u32 {
+    #[cfg(target_has_atomic = "32")]
+    return word.fetch_or(bits, Ordering::AcqRel);
+    // Such processors share no memory in which another one raises interrupts.
+    #[cfg(not(target_has_atomic = "32"))]
+    return alone(word, |before| before | bits);
+}
+
+/// Clears bits of a word, and returns what the word was; what was written before they were set is seen.
+fn clear(word: &AtomicU32, bits: u32) -> u32 {
+    #[cfg(target_has_atomic = "32")]
+    return word.fetch_and(!bits, Ordering::AcqRel);
+    #[cfg(not(target_has_atomic = "32"))]
+    return alone(word, |before| before & !bits);
+}
+
+#[cfg(not(target_has_atomic = "32"))]
+fn alone(word: &AtomicU32, change: impl FnOnce(u32) -> u32) -> u32 {
+    CriticalSection.with(|| {
+        let before = word.load(Ordering::Acquire);
+        word.store(change(before), Ordering::Release);
+        before
+    })
 }
 
 /// The bit of a vector; `None` if no line has it.
@@ -106,9 +134,9 @@ impl<W: MemoryWindow, S: Deref<Target = LineState>> InterruptController for Boar
         let wanted = usize::from(level.0).min(LEVELS);
         for (level, lines) in (1..).zip(&self.state.levels) {
             if level == wanted {
-                lines.fetch_or(bit, Ordering::Relaxed);
+                set(lines, bit);
             } else {
-                lines.fetch_and(!bit, Ordering::Relaxed);
+                clear(lines, bit);
             }
         }
     }
@@ -127,9 +155,9 @@ impl<W: MemoryWindow, S: Deref<Target = LineState>> InterruptController for Boar
             let line = pending.trailing_zeros();
             let bit = 1 << line;
             // Another context that claims at the same time looks again when it has served.
-            if self.state.claimed.fetch_or(bit, Ordering::Acquire) & bit == 0 {
-                // Acquire: pairs with the Release in `raise`, so that a driver sees the board as it was then.
-                raised.fetch_and(!bit, Ordering::Acquire);
+            if set(&self.state.claimed, bit) & bit == 0 {
+                // Pairs with `raise`, so that a driver sees the board as it was then.
+                clear(raised, bit);
                 return Some(InterruptVector(FIRST + line as u16));
             }
         }
@@ -138,7 +166,7 @@ impl<W: MemoryWindow, S: Deref<Target = LineState>> InterruptController for Boar
 
     fn complete(&self, vector: InterruptVector) {
         if let Some(bit) = bit(vector) {
-            self.state.claimed.fetch_and(!bit, Ordering::Release);
+            clear(&self.state.claimed, bit);
         }
     }
 }
@@ -167,8 +195,8 @@ impl<M: Machine> Raiser<M> {
         let (Some(raised), Some(bit)) = (raised, bit(vector)) else {
             return;
         };
-        // Release: pairs with the Acquire in `claim`. A line that is raised already has rung.
-        if raised.fetch_or(bit, Ordering::Release) & bit == 0 {
+        // Pairs with `claim`. A line that is raised already has rung.
+        if set(raised, bit) & bit == 0 {
             self.bell.ring(processor);
         }
     }
