@@ -79,7 +79,7 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "riscv-instructions",
-        about: "instructions of a release and of a message on a RISC-V hart in QEMU",
+        about: "instructions of a release, a message and an interrupt on a RISC-V hart in QEMU",
         run: riscv_instructions::run,
     },
     Command {

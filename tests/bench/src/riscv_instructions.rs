@@ -1,4 +1,4 @@
-//! `riscv-instructions`: what a release and a message cost on a hart, in instructions.
+//! `riscv-instructions`: what a release, a message and an interrupt cost on a hart, in instructions.
 //!
 //! The drill `instructions` of `tests/bench/drills/hart` runs on one hart of QEMU's machine `virt`, under
 //! `-icount`, on the way that every program of a hart takes: its trap entry, its timer, its mailbox. It
@@ -75,7 +75,7 @@ fn check(counts: &Counts) -> Result<()> {
         counts.releases,
         counts.hyperperiods.wrapping_mul(counts.releases_each),
     );
-    if ran != due || ran == 0 || counts.messages == 0 {
+    if ran != due || ran == 0 || counts.messages == 0 || counts.interrupts == 0 {
         return Err(format!("{ran} releases ran where {due} were due").into());
     }
     Ok(())
@@ -110,13 +110,17 @@ fn table(counts: &Counts) -> Result<String> {
             "message to itself, with reply",
             each(counts.replies_counted, counts.messages),
         ),
+        (
+            "interrupt of a board, to its driver",
+            each(counts.interrupts_counted, counts.interrupts),
+        ),
     ] {
         writeln!(text, "{what:50} {value:12.2}")?;
     }
     writeln!(
         text,
-        "\n{} releases, {} messages of each kind",
-        counts.releases, counts.messages
+        "\n{} releases, {} messages of each kind, {} interrupts",
+        counts.releases, counts.messages, counts.interrupts
     )?;
     Ok(text)
 }

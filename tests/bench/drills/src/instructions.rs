@@ -1,4 +1,4 @@
-//! The counts of instructions that releases and messages cost a hart, as the hart alone has counted them.
+//! The counts of instructions that releases, messages and interrupts cost a hart, as the hart alone has counted them.
 //!
 //! The program is in `tests/bench/drills/hart`, since it counts with registers of RISC-V.
 
@@ -37,4 +37,8 @@ pub struct Counts {
     pub messages_counted: u32,
     /// Instructions that sending and serving those with reply took.
     pub replies_counted: u32,
+    /// Interrupts of a board that is memory.
+    pub interrupts: u32,
+    /// Instructions from the one that was interrupted to the first one of the board's driver.
+    pub interrupts_counted: u32,
 }

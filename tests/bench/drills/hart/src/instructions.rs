@@ -1,4 +1,4 @@
-//! Counts the instructions that releases and messages cost this hart.
+//! Counts the instructions that releases, messages and interrupts cost this hart.
 //!
 //! The machine must run with `-icount shift=0`, where `minstret` counts one for every instruction and a
 //! trap takes none. The cost of interrupts is found by a background that knows how many instructions it
@@ -10,9 +10,11 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use core::time::Duration;
 
 use board::{Hart, MTIME};
-use condor_mbox::{Call, Messenger, Vector};
+use condor_dev::device_switch;
+use condor_dev::{Attention, Bus, Driver, InterruptVector, Location, OpenMode, Registers, Switch};
+use condor_mbox::{Call, Exclusion as _, Messenger, Vector};
 use condor_mos::{ClockSpec, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer as _};
-use condor_rt::{Machine as _, MailboxOf, ProgramError, Setup};
+use condor_rt::{Machine as _, MailboxOf, ProgramError, Raiser, Setup};
 use drills::WRONG;
 use drills::instructions::{Counts, NAME};
 
@@ -36,6 +38,10 @@ const HANDLER_RUNS: u32 = 300;
 const AHEAD: u64 = 20;
 /// The timer's bit of `mie`.
 const TIMER: usize = 1 << 7;
+
+const INTERRUPTS: u32 = 1000;
+/// The vector of the board that interrupts.
+const VECTOR: InterruptVector = InterruptVector(150);
 
 const INCREMENT: Vector = Vector(12);
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -80,6 +86,7 @@ pub(crate) fn run(hart: &Hart) -> Result<(), ProgramError> {
     mailbox.set_vector(INCREMENT, &increment, "increment")?;
     mailbox.join()?;
     messages(hart, &mailbox, &mut counts)?;
+    interrupts(hart, &mut counts)?;
     publisher.publish(&counts)?;
     Ok(())
 }
@@ -199,6 +206,53 @@ fn messages(
         }
     }
     Ok(())
+}
+
+/// A board whose driver reads the counter first of all.
+struct Counter {
+    entered: AtomicU32,
+}
+
+impl Driver for Counter {
+    const NEW: Self = Self {
+        entered: AtomicU32::new(0),
+    };
+
+    fn probe<B: Bus>(_: Registers<'_, B>) -> bool {
+        true
+    }
+
+    fn interrupt<B: Bus>(&self, _: Registers<'_, B>) -> Result<Attention, B::Error> {
+        self.entered.store(counter() as u32, Ordering::Relaxed);
+        Ok(Attention::Mine)
+    }
+}
+
+device_switch! { struct Boards { counter: Counter = [Location::at(0).interrupting(VECTOR.0, 1)] } }
+
+/// Counts the instructions from the one that is interrupted to the first one of a driver.
+fn interrupts(hart: &Hart, counts: &mut Counts) -> Result<(), ProgramError> {
+    let (bus, controller) = (hart.bus(), hart.interrupt_controller());
+    let switch = Switch::<_, _, _, 1>::new(bus, controller, Boards::new());
+    switch.start();
+    let raiser = Raiser::new(hart);
+    let board = switch.open_typed(Boards::counter, 0, OpenMode::READ);
+    let board = board.map_err(|error| ProgramError::program(&error))?;
+    hart.with_interrupts(&switch, || {
+        for interrupt in 0..WARM_UP + INTERRUPTS {
+            // The interrupt comes as soon as it may.
+            let begun = hart.exclusion().with(|| {
+                raiser.raise(hart.number(), VECTOR);
+                counter()
+            });
+            let entered = board.entered.swap(0, Ordering::Relaxed);
+            if interrupt >= WARM_UP && entered != 0 {
+                let taken = entered.wrapping_sub(begun as u32).wrapping_sub(1);
+                counts.interrupts = counts.interrupts.wrapping_add(1);
+                counts.interrupts_counted = counts.interrupts_counted.wrapping_add(taken);
+            }
+        }
+    })
 }
 
 /// Instructions of [`body`].
