@@ -22,11 +22,13 @@ const FIRST: u16 = 128;
 const LEVELS: usize = 7;
 
 /// The word of a processor's lines, in its `data`; `None` if the memory cannot be accessed by plain words.
+#[inline]
 fn raised<W: MemoryWindow>(data: &W) -> Option<&AtomicU32> {
     data.words()?.get().get((BOARD_LINES / 4) as usize)
 }
 
 /// Sets bits of a word, and returns what the word was; what was written before is seen by who clears them.
+#[inline]
 fn set(word: &AtomicU32, bits: u32) -> u32 {
     #[cfg(target_has_atomic = "32")]
     return word.fetch_or(bits, Ordering::AcqRel);
@@ -36,6 +38,7 @@ fn set(word: &AtomicU32, bits: u32) -> u32 {
 }
 
 /// Clears bits of a word, and returns what the word was; what was written before they were set is seen.
+#[inline]
 fn clear(word: &AtomicU32, bits: u32) -> u32 {
     #[cfg(target_has_atomic = "32")]
     return word.fetch_and(!bits, Ordering::AcqRel);
@@ -60,8 +63,9 @@ fn bit(vector: InterruptVector) -> Option<u32> {
 /// The levels of a processor's lines, and which of them are being served, for [`BoardLines`].
 #[derive(Debug)]
 pub struct LineState {
-    /// The lines that each level enables, from level 1 on.
+    /// The lines that each level enables, from level 1 on, and those that any does.
     levels: [AtomicU32; LEVELS],
+    enabled: AtomicU32,
     /// The lines that are claimed and not completed.
     claimed: AtomicU32,
 }
@@ -75,6 +79,7 @@ impl LineState {
         levels[0] = AtomicU32::new(u32::MAX);
         Self {
             levels,
+            enabled: AtomicU32::new(u32::MAX),
             claimed: AtomicU32::new(0),
         }
     }
@@ -114,17 +119,15 @@ impl<W: MemoryWindow, S: Deref<Target = LineState>> BoardLines<W, S> {
     #[inline]
     #[must_use]
     pub fn is_pending(&self) -> bool {
-        let raised = raised(&self.data).map_or(0, |raised| raised.load(Ordering::Relaxed));
-        raised != 0
-            && self
-                .state
-                .levels
-                .iter()
-                .any(|level| self.pending(raised, level) != 0)
+        raised(&self.data).is_some_and(|raised| self.pending(raised) != 0)
     }
 
-    fn pending(&self, raised: u32, level: &AtomicU32) -> u32 {
-        raised & level.load(Ordering::Relaxed) & !self.state.claimed.load(Ordering::Relaxed)
+    #[inline]
+    fn pending(&self, raised: &AtomicU32) -> u32 {
+        let (enabled, claimed) = (&self.state.enabled, &self.state.claimed);
+        let [raised, enabled, claimed] =
+            [raised, enabled, claimed].map(|word| word.load(Ordering::Relaxed));
+        raised & enabled & !claimed
     }
 }
 
@@ -139,31 +142,40 @@ impl<W: MemoryWindow, S: Deref<Target = LineState>> InterruptController for Boar
                 clear(lines, bit);
             }
         }
+        if wanted > 0 {
+            set(&self.state.enabled, bit);
+        } else {
+            clear(&self.state.enabled, bit);
+        }
     }
 
     fn disable(&self, vector: InterruptVector) {
         self.enable(vector, InterruptLevel(0));
     }
 
+    #[inline]
     fn claim(&self) -> Option<InterruptVector> {
         let raised = raised(&self.data)?;
-        for level in self.state.levels.iter().rev() {
-            let pending = self.pending(raised.load(Ordering::Relaxed), level);
-            if pending == 0 {
-                continue;
-            }
-            let line = pending.trailing_zeros();
-            let bit = 1 << line;
-            // Another context that claims at the same time looks again when it has served.
-            if set(&self.state.claimed, bit) & bit == 0 {
-                // Pairs with `raise`, so that a driver sees the board as it was then.
-                clear(raised, bit);
-                return Some(InterruptVector(FIRST + line as u16));
-            }
+        let mut pending = self.pending(raised);
+        if !pending.is_power_of_two() {
+            let mut levels = self.state.levels.iter().rev();
+            pending = levels.find_map(|level| {
+                let urgent = pending & level.load(Ordering::Relaxed);
+                (urgent != 0).then_some(urgent)
+            })?;
         }
-        None
+        let line = pending.trailing_zeros();
+        let bit = 1 << line;
+        // Another context that claims at the same time looks again when it has served.
+        if set(&self.state.claimed, bit) & bit != 0 {
+            return None;
+        }
+        // Pairs with `raise`, so that a driver sees the board as it was then.
+        clear(raised, bit);
+        Some(InterruptVector(FIRST + line as u16))
     }
 
+    #[inline]
     fn complete(&self, vector: InterruptVector) {
         if let Some(bit) = bit(vector) {
             clear(&self.state.claimed, bit);

@@ -158,7 +158,8 @@ extern "C" fn condor_timer() {
     unsafe { clint.on_interrupt(handler) };
     hooks.timed.set(outer);
     // Boards interrupt message handlers.
-    if !outer && !hooks.attending.get() && hooks.rung.take() {
+    if hooks.rung.get() && !outer && !hooks.attending.get() {
+        hooks.rung.set(false);
         ring_hart(mhartid::read());
     }
 }
@@ -231,12 +232,18 @@ fn unhandled(cause: usize) {
 
 fn software() -> bool {
     let hart = mhartid::read();
-    heed(hart);
+    acknowledge(hart);
+    let hooks = hooks();
+    // First, since nothing else is as urgent.
+    if let Some(hooks) = hooks {
+        serve_boards(hooks);
+    }
+    leave_if_abandoned(hart);
     if calls(hart) {
         return true;
     }
-    if let Some(hooks) = hooks() {
-        serve(hooks);
+    if let Some(hooks) = hooks {
+        serve_mail(hooks);
         look_again(hooks);
     }
     false
@@ -250,22 +257,28 @@ fn look_again(hooks: &Hooks) {
     }
 }
 
-/// Serves boards and then messages; whoever serves the same already looks once more.
-fn serve(hooks: &Hooks) {
-    if hooks.timed.get() || hooks.attending.get() {
-        hooks.rung.set(true);
+/// Serves boards; it is done later if somebody serves them already, or if loops run.
+fn serve_boards(hooks: &Hooks) {
+    let Some((lines, boards)) = hooks.boards.get() else {
+        return;
+    };
+    // The PLIC's interrupt is off if one could not be served when it came.
+    if !lines.is_pending() && mie::read().mext() {
         return;
     }
-    if let Some((lines, boards)) = hooks.boards.get()
-        // The PLIC's interrupt is off if one could not be served when it came.
-        && (lines.is_pending() || !mie::read().mext())
-    {
+    if hooks.timed.get() || hooks.attending.get() {
+        hooks.rung.set(true);
+    } else {
         attend(hooks, boards);
     }
+}
+
+/// Serves messages; it is done later if somebody serves them already, or boards, or if loops run.
+fn serve_mail(hooks: &Hooks) {
     let Some(mail) = hooks.mail.get() else {
         return;
     };
-    if hooks.serving.replace(true) {
+    if hooks.timed.get() || hooks.attending.get() || hooks.serving.replace(true) {
         hooks.rung.set(true);
         return;
     }
@@ -294,9 +307,17 @@ pub(crate) fn stub(hart: usize) -> Option<Stub<StaticWindow<'static>>> {
 
 /// Takes a ring of this hart, and goes back to the monitor if the host has abandoned its program.
 pub(crate) fn heed(hart: usize) {
+    acknowledge(hart);
+    leave_if_abandoned(hart);
+}
+
+fn acknowledge(hart: usize) {
     if let Some(bell) = msip::of(hart) {
         bell.acknowledge();
     }
+}
+
+fn leave_if_abandoned(hart: usize) {
     if is_abandoned(hart) {
         leave(Return::Abandoned);
     }
