@@ -95,16 +95,21 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// Between the poll of one board and that of the next, the former may ask again: a shared line
     /// that is edge-triggered tells of it only if all of them had been quiet at once.
     fn poll_until_quiet(&self, chain: &[Link], begin: usize) -> Answer {
+        let asked = |link: &Link| self.devices.visit(link.slot, Poll(&self.bus)) == Some(true);
+        // Of a line of its own, the board has seen to all it had to ask.
+        if let [only] = chain {
+            return if asked(only) {
+                Answer::Somebody
+            } else {
+                Answer::Nobody
+            };
+        }
         let mut answer = Answer::Nobody;
         let mut quiet = 0;
         for (link, polled) in chain.iter().cycle().skip(begin).zip(1..) {
-            if self.devices.visit(link.slot, Poll(&self.bus)) == Some(true) {
+            if asked(link) {
                 answer = Answer::Somebody;
                 quiet = 0;
-                // Of a line of its own, the board has seen to all it had to ask.
-                if chain.len() == 1 {
-                    break;
-                }
             } else {
                 quiet += 1;
             }

@@ -80,19 +80,22 @@ impl<B: Bus> Plic<B> {
         }
     }
 
-    /// Disables all sources of the context, completes those that it has claimed, and sets its threshold to
-    /// 0. Call it at start-up, since an earlier program may have left sources enabled, or in service.
+    /// Completes and disables the sources that the context has enabled, and sets its threshold to 0. Call it
+    /// at start-up, since an earlier program may have left sources enabled, or in service.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.
     pub fn reset(&self) -> Result<(), B::Error> {
-        // Sources are enabled while they are completed.
         self.set_threshold(self.highest)?;
-        for source in 1..=self.sources {
-            self.try_complete(InterruptVector(source))?;
-        }
-        for word in 0..=usize::from(self.sources / 32) {
-            self.registers().write32(self.enable_word(word), 0)?;
+        for word in 0..=self.sources / 32 {
+            let at = self.enable_word(word.into());
+            let enabled = self.registers().read32(at)?;
+            for source in (0..32).filter(|bit| enabled >> bit & 1 != 0) {
+                let complete = self.of_context(CLAIM);
+                let source = u32::from(32 * word) + source;
+                self.registers().write32(complete, source)?;
+            }
+            self.registers().write32(at, 0)?;
         }
         self.set_threshold(InterruptLevel(0))
     }

@@ -199,3 +199,29 @@ pub(crate) fn table_of_vectors(rows: &[Row<VectorCounts>]) -> TextTable<7> {
     }
     table
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn interrupts_without_a_driver_and_without_end_are_named() {
+        let counts = BoardInterrupts {
+            served: 4000,
+            spurious: 0,
+            unclaimed: 2,
+            unhandled: 3,
+            stuck: 1,
+            unhandled_vectors: vec![140, 11],
+            stuck_vectors: vec![128],
+            unhandled_causes: vec![],
+        };
+        let processor = "servo".to_owned();
+        let table = table_of_interrupts(&[Row { processor, counts }]);
+        let expected = "\n\
+            processor  interrupts  unclaimed  unhandled  stuck  spurious  vectors\n\
+            servo            4000          2          3      1         0  without a driver: 140, 11; stuck: 128\n";
+        assert_eq!(table, expected);
+        assert_eq!(table_of_interrupts(&[]), "");
+    }
+}

@@ -68,8 +68,8 @@ impl Connection {
 /// timer, to ring and to wait.
 ///
 /// The timer interrupts at exactly the instant for which it is armed: in waits, where the
-/// background passes time, and while a slower loop spends its declared time. Boards interrupt in waits, and
-/// where the background passes time: at the instant at which the processor is rung for them.
+/// background passes time, and while a slower loop spends its declared time. Boards interrupt in waits, at the
+/// instant at which the processor is rung for them; where the background passes time, after a loop or at the end.
 ///
 /// ```
 /// # #[cfg(feature = "linux")] {

@@ -27,7 +27,7 @@ pub trait Boards: Copy + Default + Send + Sync + 'static {
         + Sync;
 
     /// The channels of one processor, on boards that are open.
-    type Wires<'p, B: Bus + Send + Sync + 'p, C: InterruptController + Send + Sync + 'p>: Wires;
+    type Wires<'p, B: Bus + Send + Sync + 'p>: Wires;
 
     /// Checks whether the boards have all channels that a robot needs.
     ///
@@ -55,7 +55,7 @@ pub trait Boards: Copy + Default + Send + Sync + 'static {
         robot: &RobotDescription,
         processor: u8,
         rest: impl Fn(Channel) -> u32,
-    ) -> Result<Self::Wires<'p, B, C>, BoardError>;
+    ) -> Result<Self::Wires<'p, B>, BoardError>;
 }
 
 /// The channels of one processor, transferred board by board: call [`scan`](Self::scan), [`read`](Self::read) the
@@ -237,8 +237,7 @@ pub(crate) mod none {
 
     impl Boards for NoBoards {
         type Panel<B: Bus + Send + Sync, C: InterruptController + Send + Sync> = NoPanel;
-        type Wires<'p, B: Bus + Send + Sync + 'p, C: InterruptController + Send + Sync + 'p> =
-            NoWires;
+        type Wires<'p, B: Bus + Send + Sync + 'p> = NoWires;
 
         fn check(_: &RobotDescription) -> Result<(), BoardError> {
             Ok(())

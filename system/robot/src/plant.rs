@@ -2,8 +2,9 @@
 //!
 //! It writes what sensors say into the registers of A/D and encoder boards, and takes from those of the
 //! D/A boards what actuators are to do, with the calibration and the widths that the configuration has.
-//! A/D boards convert when their timers say, and interrupt the processors that have a wire there. The
-//! robot's loop is ahead of the loops of others by 0.1 ms, so that what they read is new.
+//! A/D boards convert when their timers say, or at the last tick before, and interrupt the processors that
+//! have a wire there. The robot's loop is ahead of the loops of others by 0.1 ms; if its rate is an odd
+//! multiple of theirs, each conversion is done at its instant, 0.1 ms before it is read.
 //! Boards identify themselves once their registers are right, so a controller that is early waits.
 //!
 //! Each D/A board has a watchdog. Without a strobe for some time, or once nobody has the board open, it

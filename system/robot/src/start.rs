@@ -65,7 +65,7 @@ pub(crate) fn wires<'s, M: Machine, B: Boards>(
     background: &Background<'_, M>,
     panel: &'s B::Panel<M::Bus, M::Controller>,
     hand: &RobotDescription,
-) -> Result<B::Wires<'s, M::Bus, M::Controller>, ProgramError> {
+) -> Result<B::Wires<'s, M::Bus>, ProgramError> {
     B::check(hand).map_err(Failure::from)?;
     let (number, clock) = (
         background.machine().number().0,

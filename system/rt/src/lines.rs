@@ -13,11 +13,17 @@ use condor_mbox::layout::BOARD_LINES;
 use condor_mbox::{CriticalSection, Exclusion as _};
 use condor_mbox::{Doorbell, MemoryWindow, Processor};
 
+use crate::error::ProgramError;
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
 
 /// The vector of the first line. Lower numbers are for the interrupt controllers of machines.
 const FIRST: u16 = 128;
+/// The reason why a second entry is refused.
+pub(crate) const SERVED_TWICE: ProgramError = ProgramError::Twice {
+    what: "entry of interrupts",
+};
+
 /// The number of levels, as many as those of a VME bus.
 const LEVELS: usize = 7;
 
@@ -68,6 +74,8 @@ pub struct LineState {
     enabled: AtomicU32,
     /// The lines that are claimed and not completed.
     claimed: AtomicU32,
+    /// Not 0 while an entry serves them.
+    served: AtomicU32,
 }
 
 impl LineState {
@@ -81,6 +89,7 @@ impl LineState {
             levels,
             enabled: AtomicU32::new(u32::MAX),
             claimed: AtomicU32::new(0),
+            served: AtomicU32::new(0),
         }
     }
 }
@@ -94,18 +103,42 @@ impl Default for LineState {
 /// The [`InterruptController`] of boards that are memory, such as those of a simulated robot: vectors 128 to 159, and
 /// levels 1 to 7; a level above 7 is 7.
 ///
-/// `W` is the window of the processor's `data`, and `S` leads to the [`LineState`] of the processor. Its requests are
-/// edges.
+/// `W` is the window of the processor's `data`, `D` its doorbell, and `S` leads to the [`LineState`] of the processor.
+/// Its requests are edges.
 #[derive(Clone, Copy, Debug)]
-pub struct BoardLines<W, S> {
+pub struct BoardLines<W, D, S> {
+    number: Processor,
     data: W,
+    bell: D,
     state: S,
 }
 
-impl<W: MemoryWindow, S: Deref<Target = LineState>> BoardLines<W, S> {
-    /// Makes the controller of a processor, whose `data` is this window.
-    pub const fn new(data: W, state: S) -> Self {
-        Self { data, state }
+impl<W, D, S> BoardLines<W, D, S>
+where
+    W: MemoryWindow,
+    S: Deref<Target = LineState>,
+{
+    /// Makes the controller of processor `number`, whose `data` and doorbell these are.
+    pub const fn new(number: Processor, data: W, bell: D, state: S) -> Self {
+        Self {
+            number,
+            data,
+            bell,
+            state,
+        }
+    }
+
+    /// Runs `background`, while an entry serves the lines.
+    ///
+    /// # Errors
+    /// [`ProgramError::Twice`] if one does already; `background` has not run then.
+    pub fn serving<R>(&self, background: impl FnOnce() -> R) -> Result<R, ProgramError> {
+        let served = &self.state.served;
+        if set(served, 1) != 0 {
+            return Err(SERVED_TWICE);
+        }
+        let _served = Served(served);
+        Ok(background())
     }
 
     /// Forgets all requests, such as those to a program that has ended.
@@ -131,7 +164,21 @@ impl<W: MemoryWindow, S: Deref<Target = LineState>> BoardLines<W, S> {
     }
 }
 
-impl<W: MemoryWindow, S: Deref<Target = LineState>> InterruptController for BoardLines<W, S> {
+/// Ends the service, also when the background unwinds.
+struct Served<'s>(&'s AtomicU32);
+
+impl Drop for Served<'_> {
+    fn drop(&mut self) {
+        clear(self.0, 1);
+    }
+}
+
+impl<W, D, S> InterruptController for BoardLines<W, D, S>
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    S: Deref<Target = LineState>,
+{
     fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         let Some(bit) = bit(vector) else { return };
         let wanted = usize::from(level.0).min(LEVELS);
@@ -142,10 +189,14 @@ impl<W: MemoryWindow, S: Deref<Target = LineState>> InterruptController for Boar
                 clear(lines, bit);
             }
         }
-        if wanted > 0 {
-            set(&self.state.enabled, bit);
-        } else {
+        if wanted == 0 {
             clear(&self.state.enabled, bit);
+            return;
+        }
+        set(&self.state.enabled, bit);
+        // A ring from before was in vain.
+        if self.is_pending() {
+            self.bell.ring(self.number);
         }
     }
 
@@ -171,7 +222,10 @@ impl<W: MemoryWindow, S: Deref<Target = LineState>> InterruptController for Boar
             return None;
         }
         // Pairs with `raise`, so that a driver sees the board as it was then.
-        clear(raised, bit);
+        if clear(raised, bit) & bit == 0 {
+            self.complete(InterruptVector(FIRST + line as u16));
+            return None;
+        }
         Some(InterruptVector(FIRST + line as u16))
     }
 
@@ -207,9 +261,8 @@ impl<M: Machine> Raiser<M> {
         let (Some(raised), Some(bit)) = (raised, bit(vector)) else {
             return;
         };
-        // Pairs with `claim`. A line that is raised already has rung.
-        if set(raised, bit) & bit == 0 {
-            self.bell.ring(processor);
-        }
+        // Pairs with `claim`. It may be raised already by one that has died before it rang.
+        set(raised, bit);
+        self.bell.ring(processor);
     }
 }

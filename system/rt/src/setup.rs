@@ -387,7 +387,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     }
 
     /// Releases all loops of the program that much earlier than [`servo`](Self::servo) says. So what this program does
-    /// is done when the loops of others begin that use it.
+    /// is done when the loops of others begin that use it. It is less than 10 s.
     pub const fn ahead(&mut self, ahead: Duration) -> &mut Self {
         self.ahead = ahead;
         self

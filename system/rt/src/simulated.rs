@@ -10,7 +10,7 @@ use condor_mbox::{self as mbox, Clock, Doorbell, Evidence, Exclusion, Instant, M
 use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 
 use crate::error::ProgramError;
-use crate::lines::{BoardLines, LineState};
+use crate::lines::{BoardLines, LineState, SERVED_TWICE};
 
 /// Runs `background`, and serves the interrupts of a processor's `lines` by `entry` meanwhile, where `clock` lets them
 /// in. Machines in simulated time implement
@@ -18,9 +18,9 @@ use crate::lines::{BoardLines, LineState};
 ///
 /// # Errors
 /// [`ProgramError::Twice`] if they are served already; `background` has not run then.
-pub fn with_interrupts<P, H, W, S, R>(
+pub fn with_interrupts<P, H, W, D, S, R>(
     clock: &LocalClock<P, H>,
-    lines: &BoardLines<W, S>,
+    lines: &BoardLines<W, D, S>,
     entry: &dyn InterruptEntry,
     background: impl FnOnce() -> R,
 ) -> Result<R, ProgramError>
@@ -28,6 +28,7 @@ where
     P: Deref<Target = Page>,
     H: Handover,
     W: MemoryWindow + Sync,
+    D: Doorbell + Sync,
     S: Deref<Target = LineState> + Sync,
 {
     let serve = || {
@@ -35,13 +36,9 @@ where
             entry.serve_interrupts();
         }
     };
-    clock.with_boards(&serve, background).ok_or(SERVED_TWICE)
+    let served = lines.serving(|| clock.with_boards(&serve, background))?;
+    served.ok_or(SERVED_TWICE)
 }
-
-/// The boards' interrupts are served already.
-pub(crate) const SERVED_TWICE: ProgramError = ProgramError::Twice {
-    what: "entry of interrupts",
-};
 
 /// The doorbell of a processor in simulated time; `C` dereferences to the [`LocalClock`] of that
 /// processor. All clones are the same doorbell.

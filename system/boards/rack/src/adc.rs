@@ -3,6 +3,7 @@
 use core::sync::atomic::{
     AtomicI16, AtomicU8, AtomicU32,
     Ordering::{Acquire, Relaxed, Release},
+    fence,
 };
 
 use crate::identifies_as;
@@ -14,7 +15,7 @@ use condor_dev::{Attention, Bus, DeviceError, Driver, Registers};
 /// |---|---|---|---|
 /// | 0x00 | 16 | read | identification, 0xadc0 |
 /// | 0x02 | 16 | both | control: bits 0 and 1 the event that starts a conversion of all channels: 0 all the time, 1 a write to 0x04, 2 the trigger line, 3 the timer; bit 4 an interrupt after each conversion |
-/// | 0x04 | 16 | write | any value starts a conversion, if control is 1 |
+/// | 0x04 | 16 | write | any value starts a conversion, if a write to this register does |
 /// | 0x06 | 16 | read | status: bit 0 a conversion has been completed since the last one was started |
 /// | 0x08 | 16 | both | rate of the timer, Hz |
 /// | 0x0a | 16 | both | how much earlier than the middle of each of its periods the timer starts a conversion, µs; periods are counted from the beginning of the time of the bus |
@@ -27,7 +28,8 @@ use condor_dev::{Attention, Bus, DeviceError, Driver, Registers};
 ///
 /// While the timer starts conversions, each of them interrupts, and the driver takes the channels then;
 /// [`scan`](Self::scan) returns these. Several processors may read a board by its timer, if they set the same. So the
-/// driver does not touch the board when it takes a conversion, and the board goes on when one of them closes it.
+/// driver does not touch the board when it takes a conversion, and the board goes on when one of them closes it. While
+/// one of them opens the board, it converts all the time, and the others get its channels from the board.
 #[derive(Debug)]
 pub struct Adc16 {
     trigger: AtomicU8,
@@ -133,7 +135,8 @@ impl Driver for Adc16 {
         if count == taken as u16 || !self.is_timed() {
             return Ok(Attention::NotMine);
         }
-        // A loop may be reading the other buffer.
+        // A loop may still be reading what it found before: it sees the store of `taken` before those below.
+        fence(Release);
         let next = (taken >> 16 & 1) ^ 1;
         let buffer = self.buffers.get(next as usize);
         for (channel, place) in buffer.into_iter().flatten().enumerate() {
@@ -167,7 +170,7 @@ impl Adc16 {
             *value = place.load(Relaxed);
             copied += 1;
         }
-        core::sync::atomic::fence(Acquire);
+        fence(Acquire);
         Ok((self.taken.load(Relaxed) == taken).then_some(copied))
     }
 

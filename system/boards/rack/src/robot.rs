@@ -33,8 +33,7 @@ pub struct Rack;
 
 impl Boards for Rack {
     type Panel<B: Bus + Send + Sync, C: InterruptController + Send + Sync> = Panel<B, C>;
-    type Wires<'p, B: Bus + Send + Sync + 'p, C: InterruptController + Send + Sync + 'p> =
-        RackWires<'p, B>;
+    type Wires<'p, B: Bus + Send + Sync + 'p> = RackWires<'p, B>;
 
     fn check(robot: &RobotDescription) -> Result<(), BoardError> {
         let mut owners = [None; address::DAC.len()];

@@ -1,7 +1,7 @@
 use condor_mbox::published::PublishedReadError;
 use condor_mbox::{Processor, Published};
 use condor_rt::Interrupts;
-use condor_rt::objects::ObjectKind;
+use condor_rt::objects::{ObjectKind, SharedObject};
 use serde::Serialize;
 
 use super::{View, ViewError};
@@ -36,9 +36,11 @@ impl View {
     /// cannot be read, [`ViewError::Version`] if the object table has another version.
     pub fn interrupts(&self, processor: Processor) -> Result<Option<BoardInterrupts>, ViewError> {
         let objects = self.objects(processor, ObjectKind::Other)?;
-        let object = objects
-            .iter()
-            .find(|it| it.name.to_string() == Interrupts::NAME);
+        // A program may have another cell of that name.
+        let is_such = |it: &&SharedObject| {
+            it.name.to_string() == Interrupts::NAME && it.len == Published::<Interrupts>::BYTES
+        };
+        let object = objects.iter().find(is_such);
         let Some(object) = object else {
             return Ok(None);
         };

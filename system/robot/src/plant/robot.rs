@@ -1,6 +1,7 @@
 //! [`Robot`]: the simulated hand and table, with their sensors and actuators at the boards' lines.
 
 use core::array;
+use core::num::NonZeroU32;
 
 use condor_dev::{Bus, InterruptVector};
 use condor_hand::config::{Finger, InputChannel, OutputChannel, Wire};
@@ -71,7 +72,8 @@ pub(super) struct Robot {
     inputs: heapless::Vec<Sensor, INPUTS>,
     /// A bit for each processor that has a wire at a board of inputs, by the numbers of boards.
     readers: [u64; BOARDS],
-    /// The instant of the latest tick, ns.
+    period_ns: u64,
+    /// The instant until which conversions have been done, ns.
     shown_ns: u64,
     /// In the axes of the palm.
     directions: [Vector3<f64>; AXES],
@@ -160,6 +162,9 @@ impl Robot {
             boards: output_boards::<B>(hand, arguments)?,
             inputs: sensors::<B>(hand),
             readers: readers::<B>(hand),
+            period_ns: NonZeroU32::new(arguments.rate_hz)
+                .map_or(1, |rate| 1_000_000_000 / rate)
+                .into(),
             shown_ns: 0,
             directions,
             cut: [[Pair::both(false); JOINTS]; FINGERS],
@@ -255,18 +260,19 @@ impl Robot {
         wrench
     }
 
-    /// Brings what the sensors say into the registers of those boards that have converted until `now_ns`.
+    /// Brings what the sensors say into the registers of those boards that convert before the tick that follows the one
+    /// of `now_ns`.
     pub(super) fn show<B: SimBoards, S: Bus>(
         &mut self,
         bus: &S,
         now_ns: u64,
         raise: &mut dyn FnMut(u8, InterruptVector),
     ) -> Result<(), Failure> {
-        let since_ns = core::mem::replace(&mut self.shown_ns, now_ns);
+        let until_ns = now_ns.saturating_add(self.period_ns.saturating_sub(1));
         let mut due = [false; BOARDS];
         let used = self.readers.iter().map(|readers| *readers != 0);
         for ((board, due), is_used) in (0..).zip(&mut due).zip(used) {
-            *due = is_used && B::is_due(bus, board, since_ns, now_ns)?;
+            *due = is_used && B::is_due(bus, board, self.shown_ns, until_ns)?;
         }
         for sensor in &self.inputs {
             if due.get(sensor.board) == Some(&true) {
@@ -279,6 +285,7 @@ impl Robot {
                 readers.for_each(|reader| raise(reader, vector));
             }
         }
+        self.shown_ns = until_ns;
         Ok(())
     }
 
@@ -637,8 +644,8 @@ fn readers<B: SimBoards>(hand: &RobotDescription) -> [u64; BOARDS] {
     let mut readers = [0; BOARDS];
     for (channel, wire) in hand.wires() {
         let board = B::input_board(channel).map(usize::from);
-        let reader = processor(hand, wire).unwrap_or(0);
-        if let Some(readers) = board.and_then(|board| readers.get_mut(board)) {
+        let readers = board.and_then(|board| readers.get_mut(board));
+        if let Some((readers, reader)) = readers.zip(processor(hand, wire)) {
             *readers |= bit(reader);
         }
     }

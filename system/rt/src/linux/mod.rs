@@ -16,7 +16,7 @@
 //! | a loop runs | in a thread of its own | where the background polls the timer | in a signal handler, on the stack of the background |
 //! | while a loop runs, the background and slower loops | can run on other cores | do not run; but a loop cannot interrupt them | do not run; the loop has interrupted them |
 //! | messages are served | by a thread of their own, even while the background computes | while the background waits | while the background waits |
-//! | boards interrupt | in a thread of their own | where the background polls the timer | in a thread of their own |
+//! | boards interrupt | in a thread of their own | where the background polls the timer | in a thread of their own; with a priority, and on the same core, where the background waits |
 //! | a loop that panics | is disabled, and counts as `faulted` | ends the program | ends the program |
 //! | `main` calls | [`run`] | [`run`] | [`run_allowing_signals`], which is `unsafe` |
 //! | the [`priority`](Environment::priority) applies to | the fastest loop; each slower loop has the next lower priority | the program | the program |

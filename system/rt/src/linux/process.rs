@@ -24,7 +24,7 @@ use super::sections::{ProcessSections, Sections, Server};
 use super::spinner::Spinner;
 use super::timer::{NANOSECONDS, ProcessTimer};
 use crate::error::ProgramError;
-use crate::lines::{BoardLines, LineState};
+use crate::lines::{BoardLines, LineState, SERVED_TWICE};
 use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
 use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
@@ -198,7 +198,7 @@ impl LinuxProcess {
             // Relaxed: it comes with a ring, and no later than a nap.
             while !ended.load(Ordering::Relaxed) {
                 let seen = bell.prepare();
-                while serve() {
+                while !ended.load(Ordering::Relaxed) && serve() {
                     // The background was rung before this was served, and now looks again.
                     bell.ring(self.number);
                 }
@@ -293,7 +293,7 @@ impl Machine for LinuxProcess {
     type Doorbell = ProcessBell;
     type Exclusion = ProcessSections;
     type Bus = ProcessBus;
-    type Controller = BoardLines<LinuxWindow, Arc<LineState>>;
+    type Controller = BoardLines<LinuxWindow, ProcessBell, Arc<LineState>>;
 
     fn number(&self) -> Processor {
         self.number
@@ -332,7 +332,7 @@ impl Machine for LinuxProcess {
 
     fn interrupt_controller(&self) -> Self::Controller {
         let data = self.windows[self.number.index()].data.clone();
-        BoardLines::new(data, self.lines.clone())
+        BoardLines::new(self.number, data, self.doorbell(), self.lines.clone())
     }
 
     fn with_interrupts<R>(
@@ -348,16 +348,24 @@ impl Machine for LinuxProcess {
             }
             pending
         };
+        let serve_slowly = || {
+            let served = serve();
+            if served && lines.is_pending() {
+                // A peer that asks again and again, or an entry that takes nothing.
+                thread::sleep(LOOK);
+            }
+            served
+        };
         match &self.way {
             LoopPlatform::Threads(..) | LoopPlatform::Signals => {
-                self.with_thread("boards", LOOPS, serve, background)
+                lines.serving(|| self.with_thread("boards", LOOPS, serve_slowly, background))?
             }
             LoopPlatform::Spin(spinner) => {
                 let serve = || {
                     serve();
                 };
-                let served = spinner.with_boards(serve, background);
-                served.map_err(|_| simulated::SERVED_TWICE)
+                let served = lines.serving(|| spinner.with_boards(serve, background))?;
+                served.map_err(|_| SERVED_TWICE)
             }
             LoopPlatform::Simulated(clock) => {
                 simulated::with_interrupts(clock, &lines, entry, background)

@@ -123,7 +123,7 @@ impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
     type Doorbell = Bell;
     type Exclusion = SimCriticalSection;
     type Bus = B;
-    type Controller = BoardLines<LinuxWindow, Arc<LineState>>;
+    type Controller = BoardLines<LinuxWindow, Bell, Arc<LineState>>;
 
     fn number(&self) -> mbox::Processor {
         mbox::Processor(self.clock.number())
@@ -150,8 +150,8 @@ impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
     }
 
     fn interrupt_controller(&self) -> Self::Controller {
-        let number = usize::from(self.clock.number());
-        BoardLines::new(self.windows[number].data.clone(), self.lines.clone())
+        let data = self.windows[self.number().index()].data.clone();
+        BoardLines::new(self.number(), data, self.doorbell(), self.lines.clone())
     }
 
     fn with_interrupts<R>(

@@ -5,11 +5,13 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use condor_dev::{InterruptController as _, InterruptCounts, InterruptEntry, InterruptVector};
+use condor_dev::{
+    InterruptController as _, InterruptCounts, InterruptEntry, InterruptLevel, InterruptVector,
+};
 use condor_mbox::Processor;
 use condor_mos::Rate;
 use condor_rt::linux::{Environment, LinuxProcess, LoopContext};
-use condor_rt::{Machine as _, Raiser, Setup};
+use condor_rt::{Background, Machine as _, ProgramError, Raiser, Setup};
 
 const ME: Processor = Processor(3);
 const BOARDS: Processor = Processor(4);
@@ -44,6 +46,17 @@ impl InterruptEntry for Counting<'_> {
 
 /// Interrupts a program again and again, each time after it has served; `background` runs until it is told to end.
 fn interrupt(loops: LoopContext, background: impl Fn(&mut dyn FnMut() -> bool, &AtomicBool)) {
+    run(loops, |running, gone| {
+        let mut serve = || running.serve(Duration::from_millis(1)).is_ok();
+        background(&mut serve, gone);
+    });
+}
+
+fn interrupt_with(loops: LoopContext, background: impl Fn(&LinuxProcess, &AtomicBool)) {
+    run(loops, |running, gone| background(running.machine(), gone));
+}
+
+fn run(loops: LoopContext, background: impl Fn(&Background<'_, LinuxProcess>, &AtomicBool)) {
     let directory = tempfile::tempdir().unwrap();
     let environment = |processor, loops| Environment {
         system: directory.path().join("mailbox"),
@@ -87,8 +100,7 @@ fn interrupt(loops: LoopContext, background: impl Fn(&mut dyn FnMut() -> bool, &
                 ticks.fetch_add(1, Relaxed);
             })
             .background(|running| {
-                let mut serve = || running.serve(Duration::from_millis(1)).is_ok();
-                background(&mut serve, &gone);
+                background(running, &gone);
                 Ok(())
             });
         ran.unwrap();
@@ -120,6 +132,38 @@ fn a_program_that_spins_is_interrupted_where_it_waits() {
     interrupt(LoopContext::Spin, |serve, gone| {
         while !gone.load(Relaxed) {
             assert!(serve());
+        }
+    });
+}
+
+#[test]
+fn a_vector_that_is_enabled_again_interrupts_by_itself() {
+    let enabled = AtomicBool::new(false);
+    interrupt_with(LoopContext::Threads, |machine, gone| {
+        let controller = machine.interrupt_controller();
+        while !gone.load(Relaxed) {
+            // Whatever comes meanwhile has rung in vain.
+            controller.disable(VECTOR);
+            thread::sleep(Duration::from_micros(100));
+            controller.enable(VECTOR, InterruptLevel(3));
+            enabled.store(true, Relaxed);
+            thread::yield_now();
+        }
+    });
+    assert!(enabled.into_inner());
+}
+
+#[test]
+fn a_second_entry_is_refused() {
+    interrupt_with(LoopContext::Threads, |machine, gone| {
+        let entry = Counting {
+            machine,
+            served: AtomicU32::new(0),
+        };
+        let second = machine.with_interrupts(&entry, || ());
+        assert!(matches!(second, Err(ProgramError::Twice { .. })));
+        while !gone.load(Relaxed) {
+            thread::yield_now();
         }
     });
 }

@@ -2,9 +2,10 @@
 
 use condor_dev::riscv::{Context, Plic};
 use condor_dev::{InterruptController, InterruptLevel, InterruptVector, Mmio};
-use condor_mbox::StaticWindow;
+use condor_mbox::{Processor, StaticWindow};
 use condor_rt::{BoardLines, LineState};
 
+use crate::bell::HartBell;
 use crate::machine::{PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES};
 use crate::msip::HARTS;
 
@@ -32,8 +33,17 @@ pub(crate) fn own_plic(hart: u32) -> Option<HartPlic> {
     ((hart as usize) < HARTS).then(|| plic(context))
 }
 
+/// Makes the lines of boards that are memory of the processor `number`, with this `data` and doorbell.
+pub(crate) const fn lines<D>(
+    number: Processor,
+    data: StaticWindow<'static>,
+    bell: D,
+) -> HartLines<D> {
+    BoardLines::new(number, data, bell, &STATE)
+}
+
 /// The lines of boards that are memory.
-pub(crate) type HartLines = BoardLines<StaticWindow<'static>, &'static LineState>;
+pub(crate) type HartLines<D = HartBell> = BoardLines<StaticWindow<'static>, D, &'static LineState>;
 
 /// The controller of the boards' interrupts of a hart's program: vectors 128 to 159 are boards that are memory,
 /// and come first; lower ones are the sources of the machine's interrupt controller, the PLIC.
@@ -44,12 +54,9 @@ pub struct HartInterrupts {
 }
 
 impl HartInterrupts {
-    /// Makes the controller of a hart with a PLIC of its own and this `data`.
-    pub(crate) const fn new(data: StaticWindow<'static>, plic: HartPlic) -> Self {
-        Self {
-            lines: BoardLines::new(data, &STATE),
-            plic,
-        }
+    /// Makes the controller of a hart with these lines and a PLIC of its own.
+    pub(crate) const fn new(lines: HartLines, plic: HartPlic) -> Self {
+        Self { lines, plic }
     }
 
     /// The lines of boards that are memory.

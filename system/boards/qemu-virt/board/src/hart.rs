@@ -72,12 +72,14 @@ impl Hart {
         let arguments_len = control.arguments(&mut arguments).ok()?;
         let bus = RAM.wrapping_add(map.bus as usize) as *mut u8;
         let data = window(map.data.at(number.0.into()), map.data_bytes);
-        let interrupts = HartInterrupts::new(data, boards::own_plic(hart)?);
+        let bell = HartBell::new(msip, &map);
+        let lines = boards::lines(number, data, bell);
+        let interrupts = HartInterrupts::new(lines, boards::own_plic(hart)?);
         Some(Self {
             index: hart,
             number,
             control,
-            bell: HartBell::new(msip, &map),
+            bell,
             clint,
             // SAFETY: the map has checked that it lies in the RAM and in nothing else's; whoever else
             // uses it, boards that are simulated, accesses it as this does.
@@ -121,6 +123,11 @@ impl Hart {
     #[must_use]
     pub const fn platform(&self) -> HartTimer {
         HartTimer(self.clint)
+    }
+
+    /// The hart's own `data`.
+    pub(crate) fn own_data(&self) -> StaticWindow<'static> {
+        window(self.map.data.at(self.number.0.into()), self.map.data_bytes)
     }
 
     /// Forgets what boards have requested of a former program.
@@ -212,12 +219,16 @@ impl Machine for Hart {
         let lines = *self.interrupts.lines();
         let set = |hooks: &hooks::Hooks, hook: Option<&'static dyn Fn()>| {
             hooks.boards.set(hook.map(|hook| (lines, hook)));
+            // An interrupt that came before was not handled then.
+            hooks.unhandled.update(|causes| causes & !(EXTERNAL as u32));
         };
-        Ok(hooks::with(&serve, set, || {
-            // An interrupt from before was not heard.
-            msip::ring_hart(self.index as usize);
-            background()
-        }))
+        lines.serving(|| {
+            hooks::with(&serve, set, || {
+                // An interrupt from before was not heard.
+                msip::ring_hart(self.index as usize);
+                background()
+            })
+        })
     }
 
     fn unhandled_causes(&self) -> u32 {

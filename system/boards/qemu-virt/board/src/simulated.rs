@@ -18,7 +18,7 @@ use condor_rt::simulated::{self, SimulatedBell, SimulatedSection, SimulatedTimer
 use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, on_one_stack};
 
 use crate::bell::HartBell;
-use crate::boards::HartInterrupts;
+use crate::boards::{self, HartLines};
 use crate::hart::Hart;
 use crate::program::status;
 
@@ -125,7 +125,7 @@ impl<'h> Machine for SimulatedHart<'h> {
     type Doorbell = Bell<'h>;
     type Exclusion = SimulatedSection<&'h HartClock>;
     type Bus = Mmio;
-    type Controller = HartInterrupts;
+    type Controller = HartLines<Bell<'h>>;
 
     fn number(&self) -> Processor {
         self.hart.number()
@@ -163,18 +163,19 @@ impl<'h> Machine for SimulatedHart<'h> {
         self.hart.is_stopping() || self.clock.is_stopping()
     }
 
-    fn interrupt_controller(&self) -> HartInterrupts {
-        self.hart.interrupt_controller()
+    /// Devices behind the PLIC have no simulated time, and do not interrupt.
+    fn interrupt_controller(&self) -> HartLines<Bell<'h>> {
+        let number = self.number();
+        let data = self.hart.own_data();
+        boards::lines(number, data, self.doorbell())
     }
 
-    /// Devices behind the PLIC have no simulated time, and do not interrupt.
     fn with_interrupts<R>(
         &self,
         entry: &dyn InterruptEntry,
         background: impl FnOnce() -> R,
     ) -> Result<R, ProgramError> {
-        let interrupts = self.interrupt_controller();
-        simulated::with_interrupts(self.clock, interrupts.lines(), entry, background)
+        simulated::with_interrupts(self.clock, &self.interrupt_controller(), entry, background)
     }
 
     fn unhandled_causes(&self) -> u32 {

@@ -240,6 +240,9 @@ fn software() -> bool {
     }
     leave_if_abandoned(hart);
     if calls(hart) {
+        // Interrupts of the boards' drivers have left their own causes.
+        // SAFETY: it is that of this interrupt.
+        unsafe { core::arch::asm!("csrw mcause, {}", in(reg) cause::SOFTWARE) };
         return true;
     }
     if let Some(hooks) = hooks {
@@ -251,7 +254,11 @@ fn software() -> bool {
 
 /// Has the hart look once more, when everything is done, for what could not be served when it came.
 fn look_again(hooks: &Hooks) {
-    let is_busy = hooks.timed.get() || hooks.attending.get() || hooks.serving.get();
+    let boards = hooks.boards.get();
+    // Boards interrupt message handlers.
+    let pending = boards.is_some_and(|(lines, _)| lines.is_pending());
+    let serving = hooks.serving.get() && !pending;
+    let is_busy = hooks.timed.get() || hooks.attending.get() || serving;
     if !is_busy && hooks.rung.take() {
         ring_hart(mhartid::read());
     }

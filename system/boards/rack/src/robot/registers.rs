@@ -12,6 +12,7 @@ mod offset {
     pub(super) const IDENTIFICATION: usize = 0x00;
     pub(super) const CONTROL: usize = 0x02;
     pub(super) const STROBE: usize = 0x04;
+    pub(super) const STATUS: usize = 0x06;
     pub(super) const RATE: usize = 0x08;
     pub(super) const AHEAD: usize = 0x0a;
     pub(super) const COUNT: usize = 0x0c;
@@ -26,6 +27,7 @@ const CONNECTED: u16 = 1 << 0;
 const TRIGGER: u16 = 3;
 const TIMER: u16 = 3;
 const INTERRUPTS: u16 = 1 << 4;
+const COMPLETED: u16 = 1 << 0;
 /// The number of the encoder board among the boards of inputs.
 const ENCODERS: u8 = address::ADC.len() as u8;
 
@@ -95,6 +97,7 @@ impl SimBoards for Rack {
         };
         let count = read16(bus, base + offset::COUNT)?.wrapping_add(1);
         write16(bus, base + offset::COUNT, count)?;
+        write16(bus, base + offset::STATUS, COMPLETED)?;
         let interrupts = read16(bus, base + offset::CONTROL)? & INTERRUPTS != 0;
         let vector = VECTORS.get(usize::from(board)).filter(|_| interrupts);
         Ok(vector.copied().map(InterruptVector))

@@ -21,14 +21,14 @@ pub struct AdcModel {
 impl AdcModel {
     /// Simulates a pulse on the board's trigger line.
     pub fn trigger(&mut self) {
-        if self.control == 2 {
+        if self.trigger_source() == 2 {
             self.begin();
         }
     }
 
     /// Has the timer start and complete a conversion.
     pub fn tick(&mut self) {
-        if self.control & 3 == 3 {
+        if self.trigger_source() == 3 {
             self.begin();
             self.complete();
         }
@@ -43,6 +43,10 @@ impl AdcModel {
             self.count = self.count.wrapping_add(1);
             self.asks = self.control & 1 << 4 != 0;
         }
+    }
+
+    fn trigger_source(&self) -> u16 {
+        self.control % 4
     }
 
     fn begin(&mut self) {
@@ -60,13 +64,13 @@ impl Model for AdcModel {
         match (offset, width) {
             (0, Width::Bits16) => Some(0xadc0),
             (2, Width::Bits16) => Some(self.control.into()),
-            (6, Width::Bits16) => Some((self.completed || self.control == 0).into()),
+            (6, Width::Bits16) => Some((self.completed || self.trigger_source() == 0).into()),
             (8, Width::Bits16) => Some(self.rate_and_ahead[0].into()),
             (10, Width::Bits16) => Some(self.rate_and_ahead[1].into()),
             (12, Width::Bits16) => Some(self.count.into()),
             (0x20..0x40, Width::Bits16) => {
                 self.asks = false;
-                let latest = if self.control == 0 {
+                let latest = if self.trigger_source() == 0 {
                     &self.channels
                 } else {
                     &self.converted
@@ -89,7 +93,7 @@ impl Model for AdcModel {
             }
             (8, Width::Bits16) => self.rate_and_ahead[0] = value as u16,
             (10, Width::Bits16) => self.rate_and_ahead[1] = value as u16,
-            (4, Width::Bits16) if self.control == 1 => self.begin(),
+            (4, Width::Bits16) if self.trigger_source() == 1 => self.begin(),
             (4, Width::Bits16) => {}
             _ => return None,
         }
