@@ -249,20 +249,21 @@ impl Supervisor {
     /// Kills the server that runs now, and waits until it is dead.
     pub(crate) fn die(&self) {
         let before = self.deaths();
-        self.kill();
-        while self.deaths() == before {
-            std::thread::yield_now();
-        }
+        // A server may serve before its number is noted here.
+        eventually(|| self.kill().ok_or("no server has started"));
+        eventually(|| {
+            (self.deaths() > before)
+                .then_some(())
+                .ok_or("the server has not died")
+        });
     }
 
-    /// Kills the server that runs now.
-    pub(crate) fn kill(&self) {
+    /// Kills the server that runs now; `None` if none is known.
+    pub(crate) fn kill(&self) -> Option<()> {
         let number = self.child.load(Ordering::SeqCst);
-        if let Some(process) = rustix::process::Pid::from_raw(number.cast_signed())
-            && number != 0
-        {
-            let _ = rustix::process::kill_process(process, rustix::process::Signal::KILL);
-        }
+        let process = rustix::process::Pid::from_raw(number.cast_signed())?;
+        let _ = rustix::process::kill_process(process, rustix::process::Signal::KILL);
+        Some(())
     }
 }
 
