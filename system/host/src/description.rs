@@ -28,13 +28,14 @@
 //! | `loops` | the way in which servo loops run: in `"threads"`, in `"signals"` if the program allows it, or `"spin"` (see [`condor_rt::linux`]) | `"threads"` |
 //! | `cpu` | the CPU to which the process is pinned | any |
 //! | `priority` | a priority of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
+//! | `uio` | UIO devices whose interrupts are those of the program's boards, such as `[{ vector = 64, file = "/dev/uio0" }]`; vectors are 1 to 127, and different. They are not used in simulated time | `[]` |
 //! | `on_failure` | `"restart"` the program, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
 //! | `restarts` | the greatest number of restarts in a minute, or in a row if the program does not join; then it has failed for good | 10 |
 //! | `loop_times_us` | how long its servo loops take in simulated time, in microseconds, the fastest loop first | they take no time |
 //! | `may_ask` | the requests of its program, by message, that the supervisor carries out: `"restart"` of any processor's program, `"load"` of a program that this description names (see [`condor_rt::supervisor`]) | `[]` |
 //! | `stall_seconds` | how long the heartbeat may stop before that is a failure, in seconds; 0: for ever | 5 |
 //!
-//! `loops`, `cpu` and `priority` are only for processes; other kinds have keys of their own.
+//! `loops`, `cpu`, `priority` and `uio` are only for processes; other kinds have keys of their own.
 //!
 //! Paths are relative to the directory of the description. A program is searched there, then in the
 //! directory of the running program, then in `PATH`.

@@ -18,9 +18,10 @@ use std::time::SystemTime;
 use condor_debug::gateway::Debuggee;
 use condor_mbox::Processor;
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
-use condor_rt::linux::{Environment, FileRange, LoopContext};
+use condor_rt::linux::{Environment, FileRange, LoopContext, UioDevice};
 use condor_rt::numbers::PROCESSORS;
 use condor_toml::{Keys, Spanned, WholeNumber};
+use serde::Deserialize;
 
 use crate::error::{AnyError, NamedFileError};
 use crate::launch::{ChildProcess, Launch};
@@ -253,24 +254,44 @@ impl Extension for Processes {
             let loops: Option<LoopContext> = keys.get("loops");
             let cpu: Option<WholeNumber<_, 0, 1023>> = keys.get("cpu");
             let priority: Option<WholeNumber<_, 1, 99>> = keys.get("priority");
+            let uio: Vec<WiredDevice> = keys.get("uio").unwrap_or_default();
             Settings {
                 number: processor.number,
                 loops: loops.unwrap_or_default(),
                 cpu: cpu.map(|cpu| cpu.0),
                 priority: priority.map(|priority| priority.0),
+                uio: uio.into_iter().map(WiredDevice::into_device).collect(),
             }
         });
         Some(Box::new(ProcessGroup(settings.collect())))
     }
 }
 
+/// A UIO device, as it stands in a description.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WiredDevice {
+    vector: WholeNumber<u16, 1, 127>,
+    file: PathBuf,
+}
+
+impl WiredDevice {
+    fn into_device(self) -> UioDevice {
+        UioDevice {
+            vector: self.vector.0,
+            path: self.file,
+        }
+    }
+}
+
 /// The way in which a process runs.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Settings {
     number: Option<u8>,
     loops: LoopContext,
     cpu: Option<usize>,
     priority: Option<u8>,
+    uio: Vec<UioDevice>,
 }
 
 #[derive(Clone, Debug)]
@@ -294,6 +315,7 @@ impl StartingExtension for ProcessGroup {
             environment.loops = settings.loops;
             environment.cpu = settings.cpu;
             environment.priority = settings.priority;
+            environment.uio.clone_from(&settings.uio);
         }
         Ok(Box::new(ChildProcess::new()))
     }

@@ -17,8 +17,8 @@ use crate::error::ProgramError;
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
 
-/// The vector of the first line. Lower numbers are for the interrupt controllers of machines.
-const FIRST: u16 = 128;
+/// The vector of the first line of boards that are memory. Lower ones are for the interrupt controllers of machines.
+pub const FIRST_LINE: InterruptVector = InterruptVector(128);
 /// The reason why a second entry is refused.
 pub(crate) const SERVED_TWICE: ProgramError = ProgramError::Twice {
     what: "entry of interrupts",
@@ -63,7 +63,7 @@ fn alone(word: &AtomicU32, change: impl FnOnce(u32) -> u32) -> u32 {
 
 /// The bit of a vector; `None` if no line has it.
 fn bit(vector: InterruptVector) -> Option<u32> {
-    1_u32.checked_shl(vector.0.checked_sub(FIRST)?.into())
+    1_u32.checked_shl(vector.0.checked_sub(FIRST_LINE.0)?.into())
 }
 
 /// The levels of a processor's lines, and which of them are being served, for [`BoardLines`].
@@ -223,10 +223,10 @@ where
         }
         // Pairs with `raise`, so that a driver sees the board as it was then.
         if clear(raised, bit) & bit == 0 {
-            self.complete(InterruptVector(FIRST + line as u16));
+            self.complete(InterruptVector(FIRST_LINE.0 + line as u16));
             return None;
         }
-        Some(InterruptVector(FIRST + line as u16))
+        Some(InterruptVector(FIRST_LINE.0 + line as u16))
     }
 
     #[inline]

@@ -150,6 +150,7 @@ impl System<'_> {
             window_bytes: self.description.window_bytes,
             processor,
             bus: None,
+            uio: Vec::new(),
             shared_memory: None,
             clock: self.clock.cloned(),
             work_ns: [0; condor_clock::LOOPS],

@@ -10,6 +10,7 @@ use condor_mbox::{Processor, Region};
 use serde::{Deserialize, Serialize};
 
 use super::error::{ProcessError, VARIABLE};
+use crate::lines::FIRST_LINE;
 use crate::numbers::PROCESSORS;
 
 /// The way in which the servo loops of a process run: in threads, in signal handlers, or where the
@@ -90,6 +91,17 @@ impl FileRange {
     }
 }
 
+/// A UIO device, whose interrupts are those of a board of the program.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UioDevice {
+    /// The vector that the interrupts have for the program, 1 to 127.
+    pub vector: u16,
+    /// The path of the device, such as `/dev/uio0`.
+    #[serde(rename = "file")]
+    pub path: PathBuf,
+}
+
 /// The settings of a process that is a processor: its number, its memory, its clock, and the way in
 /// which its loops run. A supervisor passes them in the environment variable `CONDOR_PROCESS`: a JSON object with the
 /// names of these fields, of which optional ones may be left out.
@@ -115,6 +127,10 @@ pub struct Environment {
     /// 0. If there is none, nothing answers on the bus.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bus: Option<FileRange>,
+    /// The UIO devices whose interrupts are those of the program's boards, each with a vector of its own. In a system
+    /// with a simulated clock, they are not used.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub uio: Vec<UioDevice>,
     /// The memory that belongs to no processor, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shared_memory: Option<FileRange>,
@@ -189,6 +205,18 @@ impl Environment {
             let text = format!("`processor` is {processor}; it must be 0 to 31");
             return Err(ProcessError::wrong(&text));
         }
+        for (place, device) in read.uio.iter().enumerate() {
+            let vector = device.vector;
+            if !(1..FIRST_LINE.0).contains(&vector) {
+                let text = format!("`uio.vector` is {vector}; it must be 1 to 127");
+                return Err(ProcessError::wrong(&text));
+            }
+            let mut others = read.uio.iter().take(place);
+            if others.any(|other| other.vector == vector) {
+                let text = format!("two devices of `uio` have the vector {vector}");
+                return Err(ProcessError::wrong(&text));
+            }
+        }
         if let Some(priority) = read.priority.filter(|it| !(1..=99).contains(it)) {
             let text = format!("`priority` is {priority}; it must be 1 to 99");
             return Err(ProcessError::wrong(&text));
@@ -213,6 +241,7 @@ mod tests {
     const ALL: &str = r#"{
         "system": "/run/condor/mailbox", "window_bytes": 4096, "processor": 3,
         "bus": { "file": "/run/condor/bus", "offset": 8192, "bytes": 4096 },
+        "uio": [{ "vector": 64, "file": "/dev/uio0" }, { "vector": 65, "file": "/dev/uio1" }],
         "shared_memory": { "file": "/run/condor/shared", "offset": 0 },
         "clock": { "file": "/run/condor/clock", "offset": 24576, "bytes": 4096 },
         "work_ns": [500000, 0, 0, 0, 0, 0, 0, 7], "loops": "spin", "cpu": 1, "priority": 80
@@ -259,6 +288,8 @@ mod tests {
             ("\"spin\"", "\"fibres\"", "`threads`, `signals`, `spin`"),
             ("\"cpu\": 1", "\"cpu\": -1", "usize"),
             ("80", "0", "is 0; it must be 1 to 99"),
+            ("64", "128", "`uio.vector` is 128; it must be 1 to 127"),
+            ("64", "65", "two devices of `uio` have the vector 65"),
             ("80", "100", "is 100; it must be 1 to 99"),
             ("\"cpu\"", "\"core\"", "`core`"),
         ] {

@@ -26,10 +26,10 @@ pub enum ProcessError {
     /// opened.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// The file of the bus, of the shared memory or of the simulated clock could not be opened.
+    /// A UIO device, or the file of the bus, of the shared memory or of the simulated clock could not be opened.
     #[error("cannot open the {what} {path:?}: {source}")]
     Open {
-        /// `bus`, `shared memory` or `simulated clock`.
+        /// `UIO device`, `bus`, `shared memory` or `simulated clock`.
         what: &'static str,
         /// The path of the file.
         path: PathBuf,

@@ -4,11 +4,11 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use condor_clock::LocalClock;
 use condor_dev::InterruptEntry;
-use condor_dev::linux::{LinuxBus, MapAccess};
+use condor_dev::linux::{LinuxBus, MapAccess, UioInterrupts};
 use condor_mbox::linux::{LinuxDoorbell, LinuxSystem, LinuxWindow};
 use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
 use condor_mos::linux::{Privileges, RealTime, SignalPlatform, Threads};
@@ -20,6 +20,7 @@ use super::bus::ProcessBus;
 use super::clock::{Bells, MappedPage, ProcessClock};
 use super::environment::{Environment, FileRange, LoopContext};
 use super::error::ProcessError;
+use super::interrupts::{self, ProcessInterrupts};
 use super::sections::{ProcessSections, Sections, Server};
 use super::spinner::Spinner;
 use super::timer::{NANOSECONDS, ProcessTimer};
@@ -49,6 +50,7 @@ pub struct LinuxProcess {
     way: LoopPlatform,
     bus: ProcessBus,
     lines: Arc<LineState>,
+    uio: Option<Arc<UioInterrupts>>,
     shared_memory: Option<Region<LinuxWindow>>,
     arguments: Vec<String>,
     stopping: Arc<AtomicBool>,
@@ -128,6 +130,9 @@ impl LinuxProcess {
         };
         let shared_memory = environment.shared_memory.as_ref().map(FileRange::window);
         let shared_memory = shared_memory.transpose()?;
+        // Devices have no simulated time.
+        let devices = environment.clock.is_none().then_some(&environment.uio);
+        let uio = interrupts::open(devices.map_or(&[], Vec::as_slice))?;
         let stopping = Arc::new(AtomicBool::new(false));
         for signal in [SIGTERM, SIGINT] {
             signal_hook::flag::register(signal, stopping.clone())
@@ -164,12 +169,13 @@ impl LinuxProcess {
             way,
             bus,
             lines: Arc::default(),
+            uio,
             shared_memory,
             arguments: arguments.into_iter().collect(),
             stopping,
         };
         machine.tell(&wishes.request());
-        machine.interrupt_controller().clear();
+        machine.interrupt_controller().lines.clear();
         if let LoopPlatform::Simulated(clock) = &machine.way {
             clock.announce(0);
             // Nobody goes on before it has seen that all are there.
@@ -188,13 +194,8 @@ impl LinuxProcess {
         serve: impl Fn() -> bool + Sync,
         background: impl FnOnce() -> R,
     ) -> Result<R, ProgramError> {
-        let (bell, ended) = (&self.doorbell, AtomicBool::new(false));
-        let attend = || {
-            if let LoopPlatform::Threads(priority, _) = self.way {
-                let below = |highest: u8| highest.saturating_sub(below as u8).max(1);
-                self.tell(&urgent(priority.map(below)).request());
-            }
-            let _stop = StopOnPanic(&self.stopping);
+        let bell = &self.doorbell;
+        let attend = |ended: &AtomicBool| {
             // Relaxed: it comes with a ring, and no later than a nap.
             while !ended.load(Ordering::Relaxed) {
                 let seen = bell.prepare();
@@ -212,6 +213,48 @@ impl LinuxProcess {
                     }
                 }
             }
+        };
+        self.beside(name, below, attend, background)
+    }
+
+    /// Runs `background`, and beside it a thread that serves the interrupts of devices.
+    fn with_devices<R>(
+        &self,
+        devices: &UioInterrupts,
+        entry: &dyn InterruptEntry,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        let attend = |ended: &AtomicBool| {
+            while !ended.load(Ordering::Relaxed) {
+                if let Ok(true) = devices.wait(Instant::now() + NAP) {
+                    entry.serve_interrupts();
+                    self.doorbell.ring(self.number);
+                }
+                if let Ok(true) | Err(_) = devices.wait(Instant::now()) {
+                    // An entry that takes nothing, or descriptors that are gone.
+                    thread::sleep(LOOK);
+                }
+            }
+        };
+        self.beside("devices", LOOPS, attend, background)
+    }
+
+    /// Runs `background`, and beside it `attend` in a thread, until its argument is true.
+    fn beside<R>(
+        &self,
+        name: &'static str,
+        below: usize,
+        attend: impl Fn(&AtomicBool) + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, ProgramError> {
+        let (bell, ended) = (&self.doorbell, AtomicBool::new(false));
+        let attend = || {
+            if let LoopPlatform::Threads(priority, _) = self.way {
+                let below = |highest: u8| highest.saturating_sub(below as u8).max(1);
+                self.tell(&urgent(priority.map(below)).request());
+            }
+            let _stop = StopOnPanic(&self.stopping);
+            attend(&ended);
         };
         thread::scope(|scope| {
             let thread = thread::Builder::new().name(name.into());
@@ -293,7 +336,7 @@ impl Machine for LinuxProcess {
     type Doorbell = ProcessBell;
     type Exclusion = ProcessSections;
     type Bus = ProcessBus;
-    type Controller = BoardLines<LinuxWindow, ProcessBell, Arc<LineState>>;
+    type Controller = ProcessInterrupts;
 
     fn number(&self) -> Processor {
         self.number
@@ -332,7 +375,10 @@ impl Machine for LinuxProcess {
 
     fn interrupt_controller(&self) -> Self::Controller {
         let data = self.windows[self.number.index()].data.clone();
-        BoardLines::new(self.number, data, self.doorbell(), self.lines.clone())
+        ProcessInterrupts {
+            lines: BoardLines::new(self.number, data, self.doorbell(), self.lines.clone()),
+            uio: self.uio.clone(),
+        }
     }
 
     fn with_interrupts<R>(
@@ -340,7 +386,7 @@ impl Machine for LinuxProcess {
         entry: &dyn InterruptEntry,
         background: impl FnOnce() -> R,
     ) -> Result<R, ProgramError> {
-        let lines = self.interrupt_controller();
+        let ProcessInterrupts { lines, uio } = self.interrupt_controller();
         let serve = || {
             let pending = lines.is_pending();
             if pending {
@@ -356,6 +402,10 @@ impl Machine for LinuxProcess {
             }
             served
         };
+        let background = || match uio {
+            Some(uio) => self.with_devices(&uio, entry, background),
+            None => Ok(background()),
+        };
         match &self.way {
             LoopPlatform::Threads(..) | LoopPlatform::Signals => {
                 lines.serving(|| self.with_thread("boards", LOOPS, serve_slowly, background))?
@@ -370,7 +420,7 @@ impl Machine for LinuxProcess {
             LoopPlatform::Simulated(clock) => {
                 simulated::with_interrupts(clock, &lines, entry, background)
             }
-        }
+        }?
     }
 
     /// A mailbox that is spun waits at its doorbell, where nothing but the timer is between two looks.

@@ -1,6 +1,7 @@
 //! Interrupts of boards that are memory, on processes of Linux in real time.
 #![cfg(feature = "sim")]
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -10,7 +11,7 @@ use condor_dev::{
 };
 use condor_mbox::Processor;
 use condor_mos::Rate;
-use condor_rt::linux::{Environment, LinuxProcess, LoopContext};
+use condor_rt::linux::{Environment, LinuxProcess, LoopContext, UioDevice};
 use condor_rt::{Background, Machine as _, ProgramError, Raiser, Setup};
 
 const ME: Processor = Processor(3);
@@ -22,6 +23,7 @@ const INTERRUPTS: u32 = 200;
 /// Counts what it claims.
 struct Counting<'m> {
     machine: &'m LinuxProcess,
+    vector: InterruptVector,
     served: AtomicU32,
 }
 
@@ -29,7 +31,7 @@ impl InterruptEntry for Counting<'_> {
     fn serve_interrupts(&self) {
         let controller = self.machine.interrupt_controller();
         while let Some(vector) = controller.claim() {
-            assert_eq!(vector, VECTOR);
+            assert_eq!(vector, self.vector);
             controller.complete(vector);
             self.served.fetch_add(1, Relaxed);
         }
@@ -42,6 +44,22 @@ impl InterruptEntry for Counting<'_> {
     fn each_unhandled(&self, _: &mut dyn FnMut(InterruptVector, u32)) {}
 
     fn each_stuck(&self, _: &mut dyn FnMut(InterruptVector, u32)) {}
+}
+
+fn environment(directory: &Path, processor: Processor, loops: LoopContext) -> Environment {
+    Environment {
+        system: directory.join("mailbox"),
+        window_bytes: 16384,
+        processor,
+        bus: None,
+        uio: Vec::new(),
+        shared_memory: None,
+        clock: None,
+        work_ns: [0; 8],
+        loops,
+        cpu: None,
+        priority: None,
+    }
 }
 
 /// Interrupts a program again and again, each time after it has served; `background` runs until it is told to end.
@@ -58,23 +76,13 @@ fn interrupt_with(loops: LoopContext, background: impl Fn(&LinuxProcess, &Atomic
 
 fn run(loops: LoopContext, background: impl Fn(&Background<'_, LinuxProcess>, &AtomicBool)) {
     let directory = tempfile::tempdir().unwrap();
-    let environment = |processor, loops| Environment {
-        system: directory.path().join("mailbox"),
-        window_bytes: 16384,
-        processor,
-        bus: None,
-        shared_memory: None,
-        clock: None,
-        work_ns: [0; 8],
-        loops,
-        cpu: None,
-        priority: None,
-    };
+    let environment = |processor, loops| environment(directory.path(), processor, loops);
     // SAFETY: the loop does nothing but count.
     let machine = unsafe { LinuxProcess::allowing_signals(&environment(ME, loops), []) }.unwrap();
     let boards = LinuxProcess::new(&environment(BOARDS, LoopContext::Threads), []).unwrap();
     let entry = Counting {
         machine: &machine,
+        vector: VECTOR,
         served: AtomicU32::new(0),
     };
     let (gone, ticks) = (AtomicBool::new(false), AtomicU32::new(0));
@@ -158,6 +166,7 @@ fn a_second_entry_is_refused() {
     interrupt_with(LoopContext::Threads, |machine, gone| {
         let entry = Counting {
             machine,
+            vector: VECTOR,
             served: AtomicU32::new(0),
         };
         let second = machine.with_interrupts(&entry, || ());
@@ -166,4 +175,72 @@ fn a_second_entry_is_refused() {
             thread::yield_now();
         }
     });
+}
+
+/// The other end of a device that is a terminal: the count of an interrupt is read, and what is written allows the
+/// next one, as of a UIO device.
+fn device() -> (std::fs::File, std::path::PathBuf) {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    let end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&end).unwrap();
+    unlockpt(&end).unwrap();
+    let mut raw = rustix::termios::tcgetattr(&end).unwrap();
+    raw.make_raw();
+    rustix::termios::tcsetattr(&end, rustix::termios::OptionalActions::Now, &raw).unwrap();
+    let path = ptsname(&end, Vec::new()).unwrap();
+    (end.into(), path.to_str().unwrap().into())
+}
+
+#[test]
+fn a_uio_device_interrupts() {
+    use std::io::{Read as _, Write as _};
+    let directory = tempfile::tempdir().unwrap();
+    let (mut board, path) = device();
+    let device = UioDevice { vector: 64, path };
+    for loops in [LoopContext::Threads, LoopContext::Spin] {
+        let environment = Environment {
+            uio: vec![device.clone()],
+            ..environment(directory.path(), ME, loops)
+        };
+        let machine = LinuxProcess::new(&environment, []).unwrap();
+        let entry = Counting {
+            machine: &machine,
+            vector: InterruptVector(64),
+            served: AtomicU32::new(0),
+        };
+        let gone = AtomicBool::new(false);
+        let run = |running: &Background<'_, LinuxProcess>| {
+            entry
+                .machine
+                .interrupt_controller()
+                .enable(entry.vector, InterruptLevel(1));
+            while !gone.load(Relaxed) {
+                running.serve(Duration::from_millis(1))?;
+            }
+            Ok(())
+        };
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                let begun = Instant::now();
+                for number in 0..50 {
+                    // The words that allow interrupts; the first one forbids them.
+                    let mut words = [0; 4];
+                    while words != 1_i32.to_ne_bytes() {
+                        board.read_exact(&mut words).unwrap();
+                    }
+                    board.write_all(&1_u32.to_ne_bytes()).unwrap();
+                    while entry.served.load(Relaxed) <= number && begun.elapsed() < PATIENCE {
+                        thread::yield_now();
+                    }
+                }
+                gone.store(true, Relaxed);
+            });
+            let ran = Setup::new(&machine)
+                .unwrap()
+                .interrupts(&entry)
+                .background(run);
+            ran.unwrap();
+        });
+        assert_eq!(entry.served.into_inner(), 50);
+    }
 }

@@ -19,6 +19,7 @@ fn environment(directory: &Path, loops: LoopContext) -> Environment {
         window_bytes: 4096,
         processor: ME,
         bus: None,
+        uio: Vec::new(),
         shared_memory: None,
         clock: None,
         work_ns: [0; 8],

@@ -28,6 +28,7 @@ fn with_visitor(
         window_bytes: WINDOW_BYTES,
         processor: ME,
         bus: None,
+        uio: Vec::new(),
         shared_memory: None,
         clock: None,
         work_ns: [0; 8],

@@ -61,6 +61,7 @@ fn environment(directory: &Path, loops: LoopContext) -> Environment {
         window_bytes: WINDOW_BYTES,
         processor: SMALL,
         bus: None,
+        uio: Vec::new(),
         shared_memory: None,
         clock: None,
         work_ns: [0; 8],

@@ -3,14 +3,11 @@
 use condor_dev::riscv::{Context, Plic};
 use condor_dev::{InterruptController, InterruptLevel, InterruptVector, Mmio};
 use condor_mbox::{Processor, StaticWindow};
-use condor_rt::{BoardLines, LineState};
+use condor_rt::{BoardLines, FIRST_LINE, LineState};
 
 use crate::bell::HartBell;
 use crate::machine::{PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES};
 use crate::msip::HARTS;
-
-/// The first vector of boards that are memory.
-const LINES: InterruptVector = InterruptVector(128);
 
 // SAFETY: the machine has a PLIC there, whose registers have four bytes.
 static REGISTERS: Mmio = unsafe { Mmio::new(PLIC, PLIC_BYTES) };
@@ -67,7 +64,7 @@ impl HartInterrupts {
 
 impl InterruptController for HartInterrupts {
     fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
-        if vector < LINES {
+        if vector < FIRST_LINE {
             self.plic.enable(vector, level);
         } else {
             self.lines.enable(vector, level);
@@ -75,7 +72,7 @@ impl InterruptController for HartInterrupts {
     }
 
     fn disable(&self, vector: InterruptVector) {
-        if vector < LINES {
+        if vector < FIRST_LINE {
             self.plic.disable(vector);
         } else {
             self.lines.disable(vector);
@@ -87,7 +84,7 @@ impl InterruptController for HartInterrupts {
     }
 
     fn complete(&self, vector: InterruptVector) {
-        if vector < LINES {
+        if vector < FIRST_LINE {
             self.plic.complete(vector);
         } else {
             self.lines.complete(vector);

@@ -38,6 +38,7 @@ fn member(place: &std::path::Path, kind: Option<&'static str>) -> (Member, Journ
         window_bytes: 4096,
         processor: Processor(1),
         bus: None,
+        uio: Vec::new(),
         shared_memory: None,
         loops: condor_rt::linux::LoopContext::Spin,
         cpu: None,

@@ -83,6 +83,7 @@ impl Rig {
             window_bytes: 4096,
             processor: NUMBER,
             bus: None,
+            uio: Vec::new(),
             shared_memory: None,
             clock: None,
             work_ns: Default::default(),
