@@ -25,17 +25,11 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     ///
     /// An interrupt of a higher level may come while one of a lower level is being served.
     pub fn on_interrupt(&self) {
-        let Some(mut vector) = self.controller.claim() else {
-            self.interrupts.count_spurious();
-            return;
-        };
         let mut claims = 0_u32;
-        loop {
+        while let Some(vector) = self.controller.claim() {
             claims = claims.saturating_add(1);
             if claims == CALM {
-                for line in self.devices.lines() {
-                    line.calm();
-                }
+                self.lose_calm();
             }
             let stuck = self.serve(vector, claims >= CALM);
             self.controller.complete(vector);
@@ -43,10 +37,17 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             if stuck {
                 self.controller.disable(vector);
             }
-            match self.controller.claim() {
-                Some(next) => vector = next,
-                None => return,
-            }
+        }
+        if claims == 0 {
+            self.interrupts.count_spurious();
+        }
+    }
+
+    /// Begins to look for a vector that does not stop.
+    #[cold]
+    fn lose_calm(&self) {
+        for line in self.devices.lines() {
+            line.calm();
         }
     }
 
@@ -86,28 +87,31 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         let (Some(line), Some(boards)) = (line, NonZeroU32::new(length as u32)) else {
             return self.interrupts.is_stuck(vector);
         };
-        let answer = self.poll_until_quiet(chain, line.next(boards));
+        let answer = match chain {
+            // Of a line of its own, the board has seen to all it had to ask.
+            [only] if self.has_asked(*only) => Answer::Somebody,
+            [_] => Answer::Nobody,
+            _ => self.poll_until_quiet(chain, line.next(boards)),
+        };
         line.is_stuck(answer, storm)
+    }
+
+    #[inline]
+    fn has_asked(&self, board: Link) -> bool {
+        self.devices.visit(board.slot, Poll(&self.bus)) == Some(true)
     }
 
     /// Polls the boards in turn until each, since the latest that asked, has said that it does not.
     ///
     /// Between the poll of one board and that of the next, the former may ask again: a shared line
     /// that is edge-triggered tells of it only if all of them had been quiet at once.
+    // Apart from a vector of one board, which is on the shortest way to its driver.
+    #[inline(never)]
     fn poll_until_quiet(&self, chain: &[Link], begin: usize) -> Answer {
-        let asked = |link: &Link| self.devices.visit(link.slot, Poll(&self.bus)) == Some(true);
-        // Of a line of its own, the board has seen to all it had to ask.
-        if let [only] = chain {
-            return if asked(only) {
-                Answer::Somebody
-            } else {
-                Answer::Nobody
-            };
-        }
         let mut answer = Answer::Nobody;
         let mut quiet = 0;
         for (link, polled) in chain.iter().cycle().skip(begin).zip(1..) {
-            if asked(link) {
+            if self.has_asked(*link) {
                 answer = Answer::Somebody;
                 quiet = 0;
             } else {
