@@ -118,6 +118,7 @@ name = 5
 program = "no-such-program"
 loops = "quickly"
 priority = 100
+uio = [{ vector = 128, file = "/dev/uio0" }]
 "#;
     let (place, file) = place();
     assert_eq!(
@@ -144,6 +145,7 @@ priority = 100
             "16:9: `quickly` is none of the choices here; it can be `threads`, `signals`, `spin`"
                 .into(),
             "17:12: the number 100 stands where a whole number from 1 to 99 should be".into(),
+            "18:19: the number 128 stands where a whole number from 1 to 127 should be".into(),
         ]
     );
 }
