@@ -2,6 +2,7 @@
 
 // What is shared: the system with a master that a test scripts, and the one with a person at its master's
 // terminal, in one process and as processes.
+mod ending;
 mod rig;
 mod typist;
 mod up;

@@ -261,7 +261,7 @@ impl Reference {
     }
 }
 
-/// What should happen with `events`, each at an instant, while a loop takes `work` ns.
+/// Returns the target as it should be after `events`, each with its instant, if a run of its loop takes `work` ns.
 fn expected(events: &[(u64, Event)], work: u64, end: u64) -> Reference {
     let mut reference = Reference::default();
     let mut left = events.iter().peekable();

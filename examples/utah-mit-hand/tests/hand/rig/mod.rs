@@ -2,9 +2,9 @@
 
 use std::path::Path;
 use std::sync::Mutex;
+use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 
-use condor_dev::InterruptEntry;
 use condor_dev::linux::{LinuxBus, MapAccess};
 use condor_fs::server::{FileServer, ServerOptions};
 use condor_hand::config::ControlProcessor;
@@ -13,10 +13,8 @@ use condor_hand::servo::ServoMode;
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{
-    Allocator, Call, Clock, Mailbox, MemoryWindow as _, Messenger, Processor, Region, Waiting,
-    Windows,
+    Allocator, Call, Clock, Mailbox, MemoryWindow as _, Messenger, Processor, Region,
 };
-use condor_mos::{Loops, Rate};
 use condor_robot::message::{ServoClient, SetPoints};
 use condor_robot::plant::{self, Plant, TrueState};
 use condor_robot::servo::{Servo, Tracking};
@@ -24,12 +22,14 @@ use condor_robot::table::{self, Table};
 use condor_robot::{FINGERS, IMAGE, JOINTS, RobotDescription, grasp, objects, packet, servo};
 use condor_rt::objects::ObjectKind;
 use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
-use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
+use condor_rt::{Machine, PROCESSORS, Program, loops, numbers};
 use condor_tty::TerminalReader;
 use condor_vars::{AnyValue, VARS, VariableClient};
 use tempfile::TempDir;
 use utah_mit_boards::robot::{Rack, address};
 use zerocopy::IntoBytes;
+
+use crate::ending::Ending;
 
 pub(crate) const MASTER: Processor = Processor(0);
 pub(crate) const FIRST: Processor = Processor(1);
@@ -177,7 +177,8 @@ pub(crate) fn run_on(
         let at_ns = ends_at(number);
         system
             .host(number, move |machine| {
-                Servo::<Rack>::new().run(&Ending { machine, at_ns })
+                let end = &AtomicU64::new(at_ns);
+                Servo::<Rack>::new().run(&Ending { machine, end })
             })
             .unwrap();
     }
@@ -490,76 +491,5 @@ pub(crate) fn console(region: &Region<LinuxWindow>) -> String {
         }
         text += &String::from_utf8_lossy(&bytes[..fetched.len]);
         reader.acknowledge(fetched.len).unwrap();
-    }
-}
-
-/// A machine whose program is to end at an instant.
-struct Ending<'m> {
-    machine: &'m Simulated<LinuxBus>,
-    at_ns: u64,
-}
-
-impl Machine for Ending<'_> {
-    type Window = LinuxWindow;
-    type Doorbell = Bell;
-    type Exclusion = SimCriticalSection;
-    type Bus = LinuxBus;
-    type Controller = <Simulated<LinuxBus> as Machine>::Controller;
-
-    fn number(&self) -> Processor {
-        self.machine.number()
-    }
-
-    fn windows(&self) -> [Windows<LinuxWindow>; PROCESSORS] {
-        self.machine.windows()
-    }
-
-    fn doorbell(&self) -> Bell {
-        self.machine.doorbell()
-    }
-
-    fn exclusion(&self) -> SimCriticalSection {
-        self.machine.exclusion()
-    }
-
-    fn timer_frequency(&self) -> Rate {
-        self.machine.timer_frequency()
-    }
-
-    fn with_loops<R>(
-        &self,
-        loops: &mut [ServoLoop<'_>],
-        ahead: Duration,
-        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, ProgramError> {
-        self.machine.with_loops(loops, ahead, background)
-    }
-
-    fn bus(&self) -> LinuxBus {
-        self.machine.bus()
-    }
-
-    fn interrupt_controller(&self) -> Self::Controller {
-        self.machine.interrupt_controller()
-    }
-
-    fn with_interrupts<R>(
-        &self,
-        entry: &dyn InterruptEntry,
-        background: impl FnOnce() -> R,
-    ) -> Result<R, ProgramError> {
-        self.machine.with_interrupts(entry, background)
-    }
-
-    fn waiting(&self) -> Waiting {
-        self.machine.waiting()
-    }
-
-    fn argument(&self, index: usize) -> Option<&str> {
-        self.machine.argument(index)
-    }
-
-    fn is_stopping(&self) -> bool {
-        self.machine.is_stopping() || self.machine.now() >= self.at_ns
     }
 }

@@ -5,14 +5,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
-use condor_dev::InterruptEntry;
 use condor_dev::linux::{LinuxBus, MapAccess};
 use condor_fs::server::{FileServer, ServerOptions};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{
-    Call, Mailbox, MemoryWindow as _, Messenger, PeerState, Processor, Region, Waiting, Windows,
+    Call, Mailbox, MemoryWindow as _, Messenger, PeerState, Processor, Region, Windows,
 };
-use condor_mos::{Loops, Rate};
 use condor_robot::compile::{compile_grasps, compile_motions, joint_names};
 use condor_robot::master::{DesiredPositions, Master};
 use condor_robot::plant::{Plant, TrueState};
@@ -21,10 +19,12 @@ use condor_robot::table::Table;
 use condor_robot::{FINGERS, IMAGE, JOINTS, RobotDescription, objects};
 use condor_rt::objects::{self as table, ObjectKind};
 use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
-use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{TerminalReader, TerminalVectors};
 use utah_mit_boards::robot::{Rack, address};
+
+use crate::ending::Ending;
 
 pub(crate) const MASTER: Processor = Processor(0);
 pub(crate) const FIRST: Processor = Processor(1);
@@ -537,76 +537,5 @@ impl Typist<'_> {
             }
         }
         all
-    }
-}
-
-/// A machine whose program can be ended.
-struct Ending<'m> {
-    machine: &'m Simulated<LinuxBus>,
-    end: &'m AtomicU64,
-}
-
-impl Machine for Ending<'_> {
-    type Window = LinuxWindow;
-    type Doorbell = Bell;
-    type Exclusion = SimCriticalSection;
-    type Bus = LinuxBus;
-    type Controller = <Simulated<LinuxBus> as Machine>::Controller;
-
-    fn number(&self) -> Processor {
-        self.machine.number()
-    }
-
-    fn windows(&self) -> [Windows<LinuxWindow>; PROCESSORS] {
-        self.machine.windows()
-    }
-
-    fn doorbell(&self) -> Bell {
-        self.machine.doorbell()
-    }
-
-    fn exclusion(&self) -> SimCriticalSection {
-        self.machine.exclusion()
-    }
-
-    fn timer_frequency(&self) -> Rate {
-        self.machine.timer_frequency()
-    }
-
-    fn with_loops<R>(
-        &self,
-        loops: &mut [ServoLoop<'_>],
-        ahead: Duration,
-        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, ProgramError> {
-        self.machine.with_loops(loops, ahead, background)
-    }
-
-    fn bus(&self) -> LinuxBus {
-        self.machine.bus()
-    }
-
-    fn interrupt_controller(&self) -> Self::Controller {
-        self.machine.interrupt_controller()
-    }
-
-    fn with_interrupts<R>(
-        &self,
-        entry: &dyn InterruptEntry,
-        background: impl FnOnce() -> R,
-    ) -> Result<R, ProgramError> {
-        self.machine.with_interrupts(entry, background)
-    }
-
-    fn waiting(&self) -> Waiting {
-        self.machine.waiting()
-    }
-
-    fn argument(&self, index: usize) -> Option<&str> {
-        self.machine.argument(index)
-    }
-
-    fn is_stopping(&self) -> bool {
-        self.machine.is_stopping() || self.machine.now() >= self.end.load(Relaxed)
     }
 }

@@ -31,9 +31,9 @@ pub const MTIME: Rate = Rate::hz(MTIME_HZ.get());
 
 /// Machine interrupts, as bits of `mie`.
 pub(crate) const SOFTWARE: usize = 1 << 3;
-/// Of boards.
+/// The interrupt of boards behind the PLIC.
 pub(crate) const EXTERNAL: usize = 1 << 11;
-/// Of the serial line between harts and host, by the interrupt of supervisor mode, which nobody delegates.
+/// The interrupt of the serial line between harts and host: that of supervisor mode, which machine mode takes.
 pub(crate) const LINE: usize = 1 << 9;
 
 /// Causes of traps.
