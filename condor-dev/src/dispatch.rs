@@ -5,7 +5,7 @@ use core::num::NonZeroU32;
 use crate::bus::Bus;
 use crate::driver::{Attention, Driver};
 use crate::interrupt::{InterruptController, InterruptVector};
-use crate::record::{Answer, ENDLESS, InterruptCounts};
+use crate::record::{Answer, ENDLESS, InterruptCounts, VectorRecord};
 use crate::set::{DeviceSet, Link, Visitor};
 use crate::switch::Switch;
 use crate::unit::{Presence, Unit};
@@ -25,21 +25,43 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     ///
     /// An interrupt of a higher level may come while one of a lower level is being served.
     pub fn on_interrupt(&self) {
-        let mut claims = 0_u32;
-        while let Some(vector) = self.controller.claim() {
+        let Some((vector, answer)) = self.poll_next() else {
+            return self.interrupts.count_spurious();
+        };
+        self.complete(vector, answer, false);
+        self.serve_others();
+    }
+
+    /// Serves what is still pending after the first interrupt, and what comes meanwhile.
+    // Apart from the first one: what a loop needs is not saved on the way to its driver.
+    #[inline(never)]
+    fn serve_others(&self) {
+        let mut claims = 1_u32;
+        while let Some((vector, answer)) = self.poll_next() {
             claims = claims.saturating_add(1);
             if claims == CALM {
                 self.lose_calm();
             }
-            let stuck = self.serve(vector, claims >= CALM);
-            self.controller.complete(vector);
-            // Not before it is completed: some controllers ignore that of a disabled vector.
-            if stuck {
-                self.controller.disable(vector);
-            }
+            self.complete(vector, answer, claims >= CALM);
         }
-        if claims == 0 {
-            self.interrupts.count_spurious();
+    }
+
+    /// Claims the most urgent vector, and polls its boards; `None` if none is pending.
+    fn poll_next(&self) -> Option<(InterruptVector, Answer)> {
+        let vector = self.controller.claim()?;
+        Some((vector, self.poll(vector)))
+    }
+
+    /// Counts an interrupt whose boards were polled, and completes it.
+    fn complete(&self, vector: InterruptVector, answer: Answer, storm: bool) {
+        let stuck = match self.find(vector) {
+            Some((_, line)) => line.is_stuck(answer, storm),
+            None => self.interrupts.is_stuck(vector),
+        };
+        self.controller.complete(vector);
+        // Not before it is completed: some controllers ignore that of a disabled vector.
+        if stuck {
+            self.controller.disable(vector);
         }
     }
 
@@ -49,6 +71,15 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         for line in self.devices.lines() {
             line.calm();
         }
+    }
+
+    /// Returns the links from the first board of a vector on, and the record of the vector; `None` if no
+    /// board has it.
+    fn find(&self, vector: InterruptVector) -> Option<(&'static [Link], &VectorRecord)> {
+        let first = S::CHAIN.partition_point(|link| link.vector < vector);
+        let chain = S::CHAIN.get(first..)?;
+        let line = self.devices.lines().get(first)?;
+        (chain.first()?.vector == vector).then_some((chain, line))
     }
 
     /// Returns how many interrupts came since the switch was made, by outcome.
@@ -74,26 +105,16 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         })
     }
 
-    /// Polls the boards of a vector; says whether it is to be disabled.
-    fn serve(&self, vector: InterruptVector, storm: bool) -> bool {
-        let first = S::CHAIN.partition_point(|link| link.vector < vector);
-        let chain = S::CHAIN.get(first..).unwrap_or_default();
-        let length = chain
-            .iter()
-            .take_while(|link| link.vector == vector)
-            .count();
-        let chain = chain.get(..length).unwrap_or_default();
-        let line = self.devices.lines().get(first);
-        let (Some(line), Some(boards)) = (line, NonZeroU32::new(length as u32)) else {
-            return self.interrupts.is_stuck(vector);
-        };
-        let answer = match chain {
+    /// Polls the boards of a vector.
+    fn poll(&self, vector: InterruptVector) -> Answer {
+        match self.find(vector) {
+            Some((chain @ [one, other, ..], line)) if one.vector == other.vector => {
+                self.poll_until_quiet(chain, line)
+            }
             // Of a line of its own, the board has seen to all it had to ask.
-            [only] if self.has_asked(*only) => Answer::Somebody,
-            [_] => Answer::Nobody,
-            _ => self.poll_until_quiet(chain, line.next(boards)),
-        };
-        line.is_stuck(answer, storm)
+            Some(([only, ..], _)) if self.has_asked(*only) => Answer::Somebody,
+            _ => Answer::Nobody,
+        }
     }
 
     #[inline]
@@ -101,23 +122,30 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.devices.visit(board.slot, Poll(&self.bus)) == Some(true)
     }
 
-    /// Polls the boards in turn until each, since the latest that asked, has said that it does not.
+    /// Polls the boards of the first vector of `chain` in turn until each, since the latest that asked,
+    /// has said that it does not.
     ///
     /// Between the poll of one board and that of the next, the former may ask again: a shared line
     /// that is edge-triggered tells of it only if all of them had been quiet at once.
     // Apart from a vector of one board, which is on the shortest way to its driver.
     #[inline(never)]
-    fn poll_until_quiet(&self, chain: &[Link], begin: usize) -> Answer {
+    fn poll_until_quiet(&self, chain: &[Link], line: &VectorRecord) -> Answer {
+        let first = chain.first().map(|link| link.vector);
+        let of_first = |link: &&Link| Some(link.vector) == first;
+        let boards = chain.iter().take_while(of_first);
+        let Some(count) = NonZeroU32::new(boards.clone().count() as u32) else {
+            return Answer::Nobody;
+        };
         let mut answer = Answer::Nobody;
         let mut quiet = 0;
-        for (link, polled) in chain.iter().cycle().skip(begin).zip(1..) {
+        for (link, polled) in boards.cycle().skip(line.next(count)).zip(1..) {
             if self.has_asked(*link) {
                 answer = Answer::Somebody;
                 quiet = 0;
             } else {
                 quiet += 1;
             }
-            if quiet >= chain.len() {
+            if quiet >= count.get() {
                 break;
             }
             if polled >= ENDLESS {

@@ -64,12 +64,9 @@ impl<const N: usize> MsipDoorbell<N> {
     }
 
     /// Clears the ring that raised this hart's software interrupt. The interrupt's handler calls
-    /// this first, before [`serve`](crate::Messenger::serve).
+    /// this first, while interrupts are masked as the trap has left them, and before
+    /// [`serve`](crate::Messenger::serve).
     pub fn acknowledge(&self) {
-        masked(|_| self.take_ring());
-    }
-
-    fn take_ring(&self) {
         self.clint.set_msip(self.hart, false);
         // A processor that rang before this had stored its message before: the looks that follow see it.
         ::riscv::asm::fence();
@@ -107,7 +104,7 @@ impl<const N: usize> MsipDoorbell<N> {
         self.clint.set_mtimecmp(former);
         let has_handler = interruptible && enabled.msoft();
         if !has_handler && mip::read().msoft() {
-            self.take_ring();
+            self.acknowledge();
         }
     }
 

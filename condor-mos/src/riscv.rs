@@ -208,9 +208,9 @@ mod float {
             // SAFETY: `preserving` passes its handler, and does not use it any more.
             unsafe { ManuallyDrop::take(&mut *handler.cast::<ManuallyDrop<F>>())() }
         }
-        let mut handler = ManuallyDrop::new(handler);
-        let argument = core::ptr::from_mut(&mut handler).cast();
         if status & USED != 0 {
+            let mut handler = ManuallyDrop::new(handler);
+            let argument = core::ptr::from_mut(&mut handler).cast();
             // SAFETY: a pointer to the handler is what `call::<F>` expects, and the unit is on.
             return unsafe { with_registers_saved(argument, call::<F>) };
         }
@@ -219,7 +219,7 @@ mod float {
             // SAFETY: the unit is on.
             unsafe { asm!("csrr {}, 3", out(reg) fcsr, options(nostack)) };
         }
-        call::<F>(argument);
+        handler();
         if mstatus::read().bits() & USED != 0 {
             // SAFETY: the unit is on. The way of rounding is everybody's.
             unsafe { asm!("csrw 3, {}", in(reg) fcsr, options(nostack)) };

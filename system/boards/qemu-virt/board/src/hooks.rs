@@ -7,24 +7,24 @@ use critical_section::CriticalSection;
 use riscv::register::mhartid;
 
 use crate::boards::HartLines;
-use crate::msip::HARTS;
+use crate::msip::{HARTS, MSIPS, Msip};
 
 /// A handler that is there for as long as a program runs.
 type Hook = &'static dyn Fn();
 
 /// The hooks of a hart. What they borrow is in frames that are still there; see [`with`].
 pub(crate) struct Hooks {
+    /// The doorbell of the hart.
+    pub(crate) bell: &'static Msip,
     /// The timer whose interrupt it is, and the hook that it calls.
     pub(crate) timer: Cell<Option<(&'static Clint, Hook)>>,
     pub(crate) mail: Cell<Option<Hook>>,
     /// The lines of boards that are memory, and what serves all boards.
     pub(crate) boards: Cell<Option<(HartLines, Hook)>>,
-    /// Whether a timer interrupt has begun and not ended.
-    pub(crate) timed: Cell<bool>,
+    /// Whether loops run or boards are served: interrupts of boards and messages wait for the end.
+    pub(crate) busy: Cell<bool>,
     /// Whether a mailbox interrupt serves.
     pub(crate) serving: Cell<bool>,
-    /// Whether interrupts of boards are served.
-    pub(crate) attending: Cell<bool>,
     /// Whether a ring came meanwhile.
     pub(crate) rung: Cell<bool>,
     /// The causes of interrupts that nobody handles, as bits of `mie`.
@@ -32,27 +32,26 @@ pub(crate) struct Hooks {
 }
 
 impl Hooks {
-    const fn none() -> Self {
+    const fn new(bell: &'static Msip) -> Self {
         Self {
+            bell,
             timer: Cell::new(None),
             mail: Cell::new(None),
             boards: Cell::new(None),
-            timed: Cell::new(false),
+            busy: Cell::new(false),
             serving: Cell::new(false),
-            attending: Cell::new(false),
             rung: Cell::new(false),
             unhandled: Cell::new(0),
         }
     }
 
-    /// Takes all of them away.
+    /// Takes all handlers away.
     pub(crate) fn clear(&self) {
         self.timer.set(None);
         self.mail.set(None);
         self.boards.set(None);
-        self.timed.set(false);
+        self.busy.set(false);
         self.serving.set(false);
-        self.attending.set(false);
         self.rung.set(false);
         self.unhandled.set(0);
     }
@@ -63,7 +62,16 @@ struct OfHarts([Hooks; HARTS]);
 // SAFETY: each hart uses its own entry alone, with interrupts masked.
 unsafe impl Sync for OfHarts {}
 
-static HOOKS: OfHarts = OfHarts([const { Hooks::none() }; HARTS]);
+static HOOKS: OfHarts = OfHarts([
+    Hooks::new(&MSIPS[0]),
+    Hooks::new(&MSIPS[1]),
+    Hooks::new(&MSIPS[2]),
+    Hooks::new(&MSIPS[3]),
+    Hooks::new(&MSIPS[4]),
+    Hooks::new(&MSIPS[5]),
+    Hooks::new(&MSIPS[6]),
+    Hooks::new(&MSIPS[7]),
+]);
 
 /// Those of this hart, to be used while interrupts are masked.
 pub(crate) fn of_this(_: CriticalSection<'_>) -> Option<&'static Hooks> {

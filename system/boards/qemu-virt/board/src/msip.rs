@@ -24,7 +24,7 @@ const fn msip(hart: u8) -> Msip {
     }
 }
 
-static MSIPS: [Msip; HARTS] = [
+pub(crate) static MSIPS: [Msip; HARTS] = [
     msip(0),
     msip(1),
     msip(2),

@@ -152,29 +152,26 @@ extern "C" fn condor_timer() {
     let Some((clint, handler)) = hooks.timer.get() else {
         return time(false);
     };
-    let outer = hooks.timed.replace(true);
+    let was_busy = hooks.busy.replace(true);
     // SAFETY: this is the timer's interrupt, `trap.s` has saved the integer registers, and nothing
     // here does arithmetic.
     unsafe { clint.on_interrupt(handler) };
-    hooks.timed.set(outer);
+    hooks.busy.set(was_busy);
     // Boards interrupt message handlers.
-    if hooks.rung.get() && !outer && !hooks.attending.get() {
+    if hooks.rung.get() && !was_busy {
         hooks.rung.set(false);
         ring_hart(mhartid::read());
     }
 }
 
-/// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns true if the debugger
-/// has given its stub a command.
+/// Every other interrupt comes here from `trap.s`, with interrupts masked.
 #[unsafe(no_mangle)]
-extern "C" fn condor_interrupt(cause: usize) -> bool {
+extern "C" fn condor_interrupt(cause: usize) {
     match cause {
-        cause::SOFTWARE => return software(),
         cause::LINE => LINES.on_interrupt(),
         cause::EXTERNAL => external(),
         cause => unhandled(cause),
     }
-    false
 }
 
 /// An interrupt of a board behind the PLIC, which asks until it is served.
@@ -183,8 +180,8 @@ fn external() {
     let Some((_, boards)) = hooks.boards.get() else {
         return unhandled(cause::EXTERNAL);
     };
-    if hooks.timed.get() || hooks.attending.get() {
-        // Until boards are served, which `software` sees to.
+    if hooks.busy.get() {
+        // Until boards are served, which `condor_software` sees to.
         // SAFETY: nothing counts on it.
         unsafe { mie::clear_mext() };
         hooks.rung.set(true);
@@ -196,9 +193,9 @@ fn external() {
 
 /// Serves the boards' interrupts, which no board interrupts.
 fn attend(hooks: &Hooks, boards: &dyn Fn()) {
-    hooks.attending.set(true);
+    hooks.busy.set(true);
     interruptible(boards);
-    hooks.attending.set(false);
+    hooks.busy.set(false);
     // SAFETY: whoever serves boards is there.
     unsafe { mie::set_mext() };
 }
@@ -230,14 +227,20 @@ fn unhandled(cause: usize) {
     unsafe { core::arch::asm!("csrc mie, {bit}", bit = in(reg) bit) };
 }
 
-fn software() -> bool {
-    let hart = mhartid::read();
-    acknowledge(hart);
-    let hooks = hooks();
+/// A ring of this hart comes here from `trap.s`, with interrupts masked. Returns true if the debugger has given
+/// its stub a command.
+#[unsafe(no_mangle)]
+extern "C" fn condor_software() -> bool {
+    let Some(hooks) = hooks() else { return false };
+    hooks.bell.acknowledge();
     // First, since nothing else is as urgent.
-    if let Some(hooks) = hooks {
-        serve_boards(hooks);
-    }
+    serve_boards(hooks);
+    serve_others(hooks)
+}
+
+/// Serves whoever has rung besides boards. Returns true if the debugger has given its stub a command.
+fn serve_others(hooks: &Hooks) -> bool {
+    let hart = mhartid::read();
     leave_if_abandoned(hart);
     if calls(hart) {
         // Interrupts of the boards' drivers have left their own causes.
@@ -245,10 +248,8 @@ fn software() -> bool {
         unsafe { core::arch::asm!("csrw mcause, {}", in(reg) cause::SOFTWARE) };
         return true;
     }
-    if let Some(hooks) = hooks {
-        serve_mail(hooks);
-        look_again(hooks);
-    }
+    serve_mail(hooks);
+    look_again(hooks);
     false
 }
 
@@ -258,8 +259,7 @@ fn look_again(hooks: &Hooks) {
     // Boards interrupt message handlers.
     let pending = boards.is_some_and(|(lines, _)| lines.is_pending());
     let serving = hooks.serving.get() && !pending;
-    let is_busy = hooks.timed.get() || hooks.attending.get() || serving;
-    if !is_busy && hooks.rung.take() {
+    if !hooks.busy.get() && !serving && hooks.rung.take() {
         ring_hart(mhartid::read());
     }
 }
@@ -273,7 +273,7 @@ fn serve_boards(hooks: &Hooks) {
     if !lines.is_pending() && mie::read().mext() {
         return;
     }
-    if hooks.timed.get() || hooks.attending.get() {
+    if hooks.busy.get() {
         hooks.rung.set(true);
     } else {
         attend(hooks, boards);
@@ -285,7 +285,7 @@ fn serve_mail(hooks: &Hooks) {
     let Some(mail) = hooks.mail.get() else {
         return;
     };
-    if hooks.timed.get() || hooks.attending.get() || hooks.serving.replace(true) {
+    if hooks.busy.get() || hooks.serving.replace(true) {
         hooks.rung.set(true);
         return;
     }
@@ -314,14 +314,10 @@ pub(crate) fn stub(hart: usize) -> Option<Stub<StaticWindow<'static>>> {
 
 /// Takes a ring of this hart, and goes back to the monitor if the host has abandoned its program.
 pub(crate) fn heed(hart: usize) {
-    acknowledge(hart);
-    leave_if_abandoned(hart);
-}
-
-fn acknowledge(hart: usize) {
     if let Some(bell) = msip::of(hart) {
         bell.acknowledge();
     }
+    leave_if_abandoned(hart);
 }
 
 fn leave_if_abandoned(hart: usize) {

@@ -8,7 +8,11 @@ condor_trap_entry:
     .option push
     .option norvc
     j exception
-    .rept 6
+    .rept 2
+    j interrupt
+    .endr
+    j software
+    .rept 3
     j interrupt
     .endr
     j timer
@@ -60,7 +64,7 @@ condor_trap_entry:
     .cfi_offset a6, 112 - \bytes
     .cfi_offset a7, 120 - \bytes
     .endm
-interrupt:
+    .macro enter
     .cfi_startproc
     saved 144
     addi sp, sp, -144
@@ -69,16 +73,33 @@ interrupt:
     csrr t1, mstatus
     sd t0, 128(sp)
     sd t1, 136(sp)
-    csrr a0, mcause
-    call condor_interrupt
+    .endm
+# Other traps may have come in between.
+    .macro restore
     ld t0, 128(sp)
     ld t1, 136(sp)
     csrw mepc, t0
     csrw mstatus, t1
-    bnez a0, called
+    .endm
+    .macro leave
     each ld
     addi sp, sp, 144
     mret
+    .endm
+interrupt:
+    enter
+    csrr a0, mcause
+    call condor_interrupt
+    restore
+    leave
+    .cfi_endproc
+
+software:
+    enter
+    call condor_software
+    restore
+    bnez a0, called
+    leave
 
 # The debugger calls its stub: it is as if the interrupted instruction had made an exception, whose cause
 # is still that of the interrupt.
@@ -91,22 +112,10 @@ called:
 # The timer's handler saves `mepc` and `mstatus`, too; these here are for a debugger, whose breakpoints in the
 # handler change them before it saves them, and after it has restored them.
 timer:
-    .cfi_startproc
-    saved 144
-    addi sp, sp, -144
-    each sd
-    csrr t0, mepc
-    csrr t1, mstatus
-    sd t0, 128(sp)
-    sd t1, 136(sp)
+    enter
     call condor_timer
-    ld t0, 128(sp)
-    ld t1, 136(sp)
-    csrw mepc, t0
-    csrw mstatus, t1
-    each ld
-    addi sp, sp, 144
-    mret
+    restore
+    leave
     .cfi_endproc
 
 # An exception holds the program for a debugger, or ends it; nothing of it is used here, its stack included.

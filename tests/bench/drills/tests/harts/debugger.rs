@@ -420,7 +420,7 @@ fn what_the_stub_calls_may_have_breakpoints() {
         "set language c\n\
          break *&memcpy\n\
          break *&condor_exception\n\
-         break *&condor_interrupt\n\
+         break *&condor_software\n\
          set language rust\n\
          break drills_hart::debugged::torque\n\
          python\n\
