@@ -11,10 +11,10 @@ use crate::bus::Width;
 const FIFO: usize = 16;
 
 /// A simulated 16550 whose registers are `STRIDE` bytes apart (PC16550D data sheet), for tests of
-/// the driver [`Uart16550`](crate::drivers::Uart16550). The test plays the other end of the serial
-/// line.
+/// the driver [`Uart16550`](crate::drivers::Uart16550), and for serial lines that are something else.
+/// Whoever has the model plays the other end of the serial line. Accesses do not allocate.
 ///
-/// Time does not pass by itself: characters come and go when the test calls for it, and a received
+/// Time does not pass by itself: characters come and go when the other end calls for it, and a received
 /// character has always waited long enough to interrupt.
 // Each is a bit of the chip, or a way in which it is built.
 #[allow(clippy::struct_excessive_bools)]
@@ -42,8 +42,8 @@ impl<const STRIDE: usize> Default for UartModel<STRIDE> {
         Self {
             stuck: false,
             has_fifos: true,
-            received: VecDeque::new(),
-            to_send: VecDeque::new(),
+            received: VecDeque::with_capacity(FIFO),
+            to_send: VecDeque::with_capacity(FIFO),
             enabled: IER::empty(),
             line: LCR::empty(),
             modem: MCR::empty(),
@@ -60,13 +60,19 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
     /// Lets the board receive the character `byte` from the line, with the error `errors`. Returns
     /// false if the board has no room: it then drops the character and reports an overrun.
     pub fn receive(&mut self, byte: u8, errors: LineFault) -> bool {
-        let has_room = self.received.len() < self.depth();
+        let has_room = self.has_room();
         if has_room {
             self.received.push_back((byte, errors.status()));
         } else {
             self.overrun = LSR::OVERRUN_ERROR;
         }
         has_room
+    }
+
+    /// Returns true if the board has room for a character from the line.
+    #[must_use]
+    pub fn has_room(&self) -> bool {
+        self.received.len() < self.depth()
     }
 
     /// Takes the next character that the board sends to the line; returns `None` if it has none to
@@ -85,6 +91,13 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
     #[must_use]
     pub fn divisor(&self) -> u16 {
         u16::from_le_bytes(self.divisor)
+    }
+
+    /// Returns the line control register: the format of the characters that the driver set, and in bit 7 whether the
+    /// divisor stands in the place of other registers.
+    #[must_use]
+    pub fn line_control(&self) -> u8 {
+        self.line.bits()
     }
 
     fn depth(&self) -> usize {

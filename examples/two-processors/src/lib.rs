@@ -2,6 +2,7 @@
 #![no_std]
 
 mod master;
+mod panel;
 mod servo;
 
 pub use master::Master;

@@ -2,16 +2,19 @@
 
 use core::f32::consts::TAU;
 use core::sync::atomic::{AtomicI32, Ordering::Relaxed};
+use core::time::Duration;
 
 use condor_dev::drivers::{As5600, Pca9685};
 use condor_dev::sim::{I2c, SimJoint};
 use condor_dev::{I2cBus, Location, NoInterrupts, OpenMode, Switch, device_switch};
 use condor_rt::{Machine, Param, Program, ProgramError, Rate, Setup, Var};
 
+use crate::panel::{Panel, Ports};
 use crate::{MOVE, WHERE};
 
 const HZ: u16 = 400;
 const DAMPING_NM_S: f32 = 0.1;
+const LOOK: Duration = Duration::from_millis(20);
 
 device_switch! {
     struct Boards {
@@ -30,6 +33,8 @@ impl Program for Servo {
         let i2c = I2cBus::new(I2c(&joint));
         let boards = Switch::<_, _, _, 2>::new(i2c, NoInterrupts, Boards::new());
         boards.start();
+        let ports = Switch::new(machine.bus(), machine.interrupt_controller(), Ports::new());
+        let mut panel = Panel::new(&ports);
         let motor = boards.open_typed(Boards::motor, 0, OpenMode::WRITE)?;
         let sensor = boards.open_typed(Boards::sensor, 0, OpenMode::READ)?;
 
@@ -44,6 +49,7 @@ impl Program for Servo {
                 place.load(Relaxed) as u32
             })
             .on(WHERE, "where", &|_| place.load(Relaxed) as u32)
+            .interrupts(&ports)
             .watch(&position)
             .tune(&stiffness)
             .servo("servo", Rate::hz(HZ.into()), &mut |_| {
@@ -65,6 +71,14 @@ impl Program for Servo {
             .servo_at("report", &report_hz, &mut |tick| {
                 tick.print(format_args!("joint at {} mrad\r\n", place.load(Relaxed)));
             })
-            .run()
+            .background(|background| {
+                while !background.is_stopping() {
+                    background.serve(LOOK)?;
+                    while let Some(angle) = panel.angle(place.load(Relaxed)) {
+                        target.store(angle, Relaxed);
+                    }
+                }
+                Ok(())
+            })
     }
 }

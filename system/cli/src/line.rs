@@ -19,9 +19,10 @@ use clap_complete::Shell;
 
 use crate::commands::{self, SystemChoice};
 use condor_host::application::Application;
-use condor_host::description::{SystemDescription, find_program};
+use condor_host::description::SystemDescription;
 use condor_host::error::{AnyError, me, tell};
 use condor_host::gateway::INSTALL;
+use condor_host::paths::find_program;
 use condor_host::plain::plain_lines;
 use condor_host::services;
 

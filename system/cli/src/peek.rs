@@ -6,9 +6,9 @@ use condor_mbox::linux::LinuxWindow;
 use condor_platform::linux::read_regular;
 
 use condor_host::control::{Member, SystemStatus};
-use condor_host::description::beside;
 use condor_host::error::{AnyError, NamedFileError};
 use condor_host::extension::Extension;
+use condor_host::paths::beside;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 

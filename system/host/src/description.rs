@@ -29,20 +29,20 @@
 //! | `cpu` | the CPU to which the process is pinned | any |
 //! | `priority` | a priority of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
 //! | `uio` | UIO devices whose interrupts are those of the program's boards, such as `[{ vector = 64, file = "/dev/uio0" }]`; vectors are 1 to 127, and different. They are not used in simulated time | `[]` |
+//! | `serial` | the terminal device that is the serial port of the program ([`condor_rt::SERIAL`]), such as `"/dev/ttyUSB0"` | none |
 //! | `on_failure` | `"restart"` the program, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
 //! | `restarts` | the greatest number of restarts in a minute, or in a row if the program does not join; then it has failed for good | 10 |
 //! | `loop_times_us` | how long its servo loops take in simulated time, in microseconds, the fastest loop first | they take no time |
 //! | `may_ask` | the requests of its program, by message, that the supervisor carries out: `"restart"` of any processor's program, `"load"` of a program that this description names (see [`condor_rt::supervisor`]) | `[]` |
 //! | `stall_seconds` | how long the heartbeat may stop before that is a failure, in seconds; 0: for ever | 5 |
 //!
-//! `loops`, `cpu`, `priority` and `uio` are only for processes; other kinds have keys of their own.
+//! `loops`, `cpu`, `priority`, `uio` and `serial` are for processes; other kinds have keys of their own.
 //!
 //! Paths are relative to the directory of the description. A program is searched there, then in the
 //! directory of the running program, then in `PATH`.
 
 use core::fmt;
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use serde::de::{self, Visitor};
@@ -301,49 +301,4 @@ pub enum OnFailure {
     Stop,
     /// The program stays ended, and the others go on.
     Leave,
-}
-
-/// Returns the absolute path of `path`, which is written in a description. A relative `path` starts at the directory of
-/// the description's file, `file`.
-#[must_use]
-pub fn beside(file: &Path, path: &str) -> PathBuf {
-    let directory = file.parent().unwrap_or(Path::new(""));
-    let joined = directory.join(path);
-    std::path::absolute(&joined).unwrap_or(joined)
-}
-
-/// Returns the path of the program `name`, which is written in the description in `file`. The program is searched in
-/// the directory of `file`, then in that of the running program, and then, if `name` has no slash, in `PATH`.
-///
-/// # Errors
-/// Returns an error, a sentence for people, if no such program is found, or if the first file that is found is
-/// not executable. The sentence names that file, or the places that were searched.
-pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
-    let mut looked = vec![beside(file, name)];
-    if let Ok(own) = std::env::current_exe() {
-        looked.push(own.with_file_name(name));
-    }
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let in_path = std::env::split_paths(&path).filter_map(|directory| {
-        // A directory of PATH may be relative, and a program is started again from anywhere.
-        std::path::absolute(directory.join(name)).ok()
-    });
-    // A name with a slash is a path, and not looked for.
-    let in_path = in_path.filter(|_| !name.contains('/'));
-    for place in looked.iter().cloned().chain(in_path) {
-        if let Ok(metadata) = std::fs::metadata(&place) {
-            if metadata.is_file() && metadata.permissions().mode() & 0o111 != 0 {
-                return Ok(place);
-            }
-            return Err(format!(
-                "{} is not a program: it is not an executable file",
-                place.display()
-            ));
-        }
-    }
-    let looked = looked.iter().map(|place| format!("{}, ", place.display()));
-    let looked: String = looked.collect();
-    Err(format!(
-        "there is no program `{name}`; searched {looked}and PATH"
-    ))
 }

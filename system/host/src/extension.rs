@@ -25,6 +25,7 @@ use serde::Deserialize;
 
 use crate::error::{AnyError, NamedFileError};
 use crate::launch::{ChildProcess, Launch};
+use crate::paths::beside;
 use crate::system::SystemDirectory;
 
 /// An addition to `condor`: a kind of processors (such as the harts of a board), a service, or
@@ -93,8 +94,8 @@ pub trait Extension: Sync {
 #[non_exhaustive]
 pub struct ExtensionPart<'a, 't> {
     /// The file of the description, to which paths are relative: see
-    /// [`beside`](crate::description::beside) and
-    /// [`find_program`](crate::description::find_program).
+    /// [`beside`](crate::paths::beside) and
+    /// [`find_program`](crate::paths::find_program).
     pub file: &'a Path,
     /// The keys of the extension's table; `None` if the description does not have the table.
     pub keys: Option<Keys<'a, 't>>,
@@ -255,12 +256,14 @@ impl Extension for Processes {
             let cpu: Option<WholeNumber<_, 0, 1023>> = keys.get("cpu");
             let priority: Option<WholeNumber<_, 1, 99>> = keys.get("priority");
             let uio: Vec<WiredDevice> = keys.get("uio").unwrap_or_default();
+            let serial: Option<String> = keys.get("serial");
             Settings {
                 number: processor.number,
                 loops: loops.unwrap_or_default(),
                 cpu: cpu.map(|cpu| cpu.0),
                 priority: priority.map(|priority| priority.0),
                 uio: uio.into_iter().map(WiredDevice::into_device).collect(),
+                serial: serial.map(|path| beside(found.file, &path)),
             }
         });
         Some(Box::new(ProcessGroup(settings.collect())))
@@ -292,6 +295,7 @@ struct Settings {
     cpu: Option<usize>,
     priority: Option<u8>,
     uio: Vec<UioDevice>,
+    serial: Option<PathBuf>,
 }
 
 #[derive(Clone, Debug)]
@@ -316,6 +320,7 @@ impl StartingExtension for ProcessGroup {
             environment.cpu = settings.cpu;
             environment.priority = settings.priority;
             environment.uio.clone_from(&settings.uio);
+            environment.serial.clone_from(&settings.serial);
         }
         Ok(Box::new(ChildProcess::new()))
     }

@@ -4,10 +4,10 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::description::{beside, find_program};
 use crate::error::AnyError;
 use crate::extension::{Extension, ExtensionPart, Group, Service, StartingExtension};
 use crate::launch::ChildProcess;
+use crate::paths::{beside, find_program};
 use crate::system::SystemDirectory;
 use condor_toml::Spanned;
 

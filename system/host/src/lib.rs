@@ -2,7 +2,7 @@
 
 // The modules from low to high; each uses only those before it:
 //
-// * `error`, `names`, `plain`, `signals`: what people type and are told, and the signals that end a program;
+// * `error`, `names`, `paths`, `plain`, `signals`: what people type and are told, and the signals that end a program;
 // * `system`, `control`, `view`, `watching`: a running system, its directory, protocol, memory and
 //   variables;
 // * `robot`, `messages`: a robot as people look at it and as it is computed, and rows as messages;
@@ -22,6 +22,7 @@ pub mod gateway;
 mod launch;
 pub mod messages;
 pub mod names;
+pub mod paths;
 pub mod plain;
 pub mod reading;
 pub mod robot;

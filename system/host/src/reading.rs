@@ -8,12 +8,11 @@ use condor_platform::linux::read_text;
 use condor_toml::{Keys, Misreading, SourceText, Spanned, TextErrors, WholeNumber};
 
 use crate::application::Application;
-use crate::description::{
-    ClockKind, ClockSpeed, Entry, Files, SystemDescription, TerminalSizes, beside,
-};
+use crate::description::{ClockKind, ClockSpeed, Entry, Files, SystemDescription, TerminalSizes};
 use crate::error::{AnyError, remedy};
 use crate::extension::{Extension, ExtensionPart, PROCESSES};
 use crate::gateway::GATEWAY;
+use crate::paths::beside;
 use crate::robot::Robot;
 
 const PAGE: i64 = 4096;

@@ -67,7 +67,7 @@ pub use condor_vars::{Param, Params, Var, Vars};
 
 pub use error::ProgramError;
 pub use interrupts::Interrupts;
-pub use lines::{BoardLines, FIRST_LINE, LineState, Raiser};
+pub use lines::{BoardLines, FIRST_LINE, LineState, Raiser, SERIAL, SERIAL_VECTOR};
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
 pub use running::{Background, ConsoleOf, FILES, FilesOf, HandlerCall, LoopTick};

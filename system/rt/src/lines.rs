@@ -4,10 +4,11 @@
 //! which takes the bit when it claims the interrupt. So a request is an edge: one that comes while the line is served
 //! makes it pending once more.
 
+use core::num::NonZeroU32;
 use core::ops::Deref;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use condor_dev::{InterruptController, InterruptLevel, InterruptVector};
+use condor_dev::{InterruptController, InterruptLevel, InterruptVector, Location};
 use condor_mbox::layout::BOARD_LINES;
 #[cfg(not(target_has_atomic = "32"))]
 use condor_mbox::{CriticalSection, Exclusion as _};
@@ -19,6 +20,12 @@ use crate::numbers::PROCESSORS;
 
 /// The vector of the first line of boards that are memory. Lower ones are for the interrupt controllers of machines.
 pub const FIRST_LINE: InterruptVector = InterruptVector(128);
+/// The place of a processor's serial port on its bus, and its vector: a 16550 whose registers are one byte apart, for the
+/// driver [`Uart16550`](condor_dev::drivers::Uart16550). A processor whose description names no serial port has no board
+/// there.
+pub const SERIAL: Location = Location::at(0x4000_0000).interrupting(SERIAL_VECTOR.0, 1);
+/// The vector of a serial port, that of the last line.
+pub const SERIAL_VECTOR: InterruptVector = InterruptVector(FIRST_LINE.0 + 31);
 /// The reason why a second entry is refused.
 pub(crate) const SERVED_TWICE: ProgramError = ProgramError::Twice {
     what: "entry of interrupts",
@@ -92,6 +99,16 @@ impl LineState {
             served: AtomicU32::new(0),
         }
     }
+
+    /// Returns the bit of the most urgent one of some lines, the first of those of its level; `None` if none of them
+    /// has a level.
+    fn most_urgent(&self, lines: NonZeroU32) -> Option<NonZeroU32> {
+        let mut levels = self.levels.iter().rev();
+        levels.find_map(|level| {
+            let urgent = lines.get() & level.load(Ordering::Relaxed);
+            NonZeroU32::new(urgent & urgent.wrapping_neg())
+        })
+    }
 }
 
 impl Default for LineState {
@@ -145,6 +162,23 @@ where
     pub fn clear(&self) {
         if let Some(raised) = raised(&self.data) {
             raised.store(0, Ordering::Relaxed);
+        }
+    }
+
+    /// Sets whether a board of this processor itself asks for its interrupt by `vector`. Unlike a request of a
+    /// [`Raiser`], that ends when the board asks no more.
+    pub fn set_level(&self, vector: InterruptVector, asks: bool)
+    where
+        D: Doorbell,
+    {
+        let (Some(raised), Some(bit)) = (raised(&self.data), bit(vector)) else {
+            return;
+        };
+        if asks {
+            set(raised, bit);
+            self.bell.ring(self.number);
+        } else {
+            clear(raised, bit);
         }
     }
 
@@ -207,26 +241,21 @@ where
     #[inline]
     fn claim(&self) -> Option<InterruptVector> {
         let raised = raised(&self.data)?;
-        let mut pending = self.pending(raised);
-        if !pending.is_power_of_two() {
-            let mut levels = self.state.levels.iter().rev();
-            pending = levels.find_map(|level| {
-                let urgent = pending & level.load(Ordering::Relaxed);
-                (urgent != 0).then_some(urgent)
-            })?;
-        }
-        let line = pending.trailing_zeros();
-        let bit = 1 << line;
+        let line = match NonZeroU32::new(self.pending(raised))? {
+            only if only.is_power_of_two() => only,
+            several => self.state.most_urgent(several)?,
+        };
+        let (bit, claimed) = (line.get(), &self.state.claimed);
         // Another context that claims at the same time looks again when it has served.
-        if set(&self.state.claimed, bit) & bit != 0 {
+        if set(claimed, bit) & bit != 0 {
             return None;
         }
         // Pairs with `raise`, so that a driver sees the board as it was then.
         if clear(raised, bit) & bit == 0 {
-            self.complete(InterruptVector(FIRST_LINE.0 + line as u16));
+            clear(claimed, bit);
             return None;
         }
-        Some(InterruptVector(FIRST_LINE.0 + line as u16))
+        Some(InterruptVector(FIRST_LINE.0 + line.trailing_zeros() as u16))
     }
 
     #[inline]

@@ -1,13 +1,16 @@
 //! The template, as a new user has it: made outside of the tree, built, tested, and brought up.
 
 use std::env;
-use std::fs;
+use std::fs::{self, File};
+use std::io::{Read as _, Write as _};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use rustix::io::ioctl_fionbio;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use serde_json::Value;
 
 use crate::Result;
@@ -28,7 +31,7 @@ const ROBOT: &str = "robot-check";
 /// Lines that the robot may have: its description and its program.
 const ROBOT_LINES: usize = 150;
 /// Lines of Rust that the template may have, without comments and empty lines.
-const LINES: usize = 150;
+const LINES: usize = 220;
 /// The time that the joint may take to its target.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -135,15 +138,17 @@ impl Project<'_> {
             .env("CARGO_PROFILE_DEV_DEBUG", "line-tables-only")
     }
 
-    /// Brings a system up, moves the joint, sets a parameter, kills the servo if it is a process, and
+    /// Brings a system up, moves the joint, also from a panel on the serial port of the servo, sets a parameter, kills the servo if it is a process, and
     /// takes the system down.
     fn bring_up(&self, description: &str, system: &str, kills: bool) -> Result<()> {
+        let mut panel = Panel::connect(&self.directory.join(description))?;
         let mut up = self.program(&["up", description, "--headless", "--for", "5m"]);
         let up = Running(up.stdout(Stdio::null()).spawn()?);
         self.until_at(system, 300)?;
         self.ask(&["vars", "set", "joint.stiffness", "4", "--system", system])?;
         self.ask(&["vars", "set", "report.hz", "5", "--system", system])?;
         self.until_at(system, -400)?;
+        panel.moves()?;
         if kills {
             self.kill_servo(system)?;
             self.until_at(system, 200)?;
@@ -202,6 +207,49 @@ impl Project<'_> {
         let mut command = Command::new(self.directory.join("target/debug").join(NAME));
         command.args(arguments).current_dir(&self.directory);
         command
+    }
+}
+
+/// The other end of a serial line.
+struct Panel(File);
+
+impl Panel {
+    /// Makes a line, one end of which is the serial port in a description.
+    fn connect(description: &Path) -> Result<Self> {
+        let end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+        grantpt(&end)?;
+        unlockpt(&end)?;
+        ioctl_fionbio(&end, true)?;
+        let port = ptsname(&end, Vec::new())?.into_string()?;
+        let text = fs::read_to_string(description)?;
+        let connected = text.replace(
+            "# serial = \"/dev/ttyUSB0\"",
+            &format!("serial = \"{port}\""),
+        );
+        if connected == text {
+            return Err(format!("{} has no line for a serial port", description.display()).into());
+        }
+        fs::write(description, connected)?;
+        Ok(Self(end.into()))
+    }
+
+    /// Types an angle, after a word that is none, and reads the answers.
+    fn moves(&mut self) -> Result<()> {
+        self.0.write_all(b"what\r\n250\r\n")?;
+        let (mut answer, begun) = (String::new(), Instant::now());
+        while !(answer.contains("what is no angle in mrad") && answer.ends_with(" -> 250\r\n")) {
+            let mut bytes = [0; 64];
+            // Without anything to read, this is an error.
+            let read = self.0.read(&mut bytes).unwrap_or(0);
+            answer += &String::from_utf8_lossy(&bytes[..read]);
+            if begun.elapsed() > PATIENCE {
+                return Err(
+                    format!("the panel on the serial port has the answer {answer:?}").into(),
+                );
+            }
+            thread::sleep(Duration::from_millis(50));
+        }
+        Ok(())
     }
 }
 

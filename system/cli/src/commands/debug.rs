@@ -24,8 +24,8 @@ use crate::counts;
 use crate::peek;
 use condor_host::application::Application;
 use condor_host::control::{ControlClient, ControlRequest, Member, MemberState};
-use condor_host::description::beside;
 use condor_host::error::{AnyError, tell};
+use condor_host::paths::beside;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 

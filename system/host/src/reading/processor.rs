@@ -7,8 +7,9 @@ use condor_rt::numbers::PROGRAMS;
 use condor_toml::{Keys, Spanned, WholeNumber, suggest};
 
 use super::{Own, Restarts, name};
-use crate::description::{MayAsk, OnFailure, ProcessorEntry, ProgramEntry, beside, find_program};
+use crate::description::{MayAsk, OnFailure, ProcessorEntry, ProgramEntry};
 use crate::extension::{Extension, FoundProcessor};
+use crate::paths::{beside, find_program};
 
 type Number = WholeNumber<u8, { *PROGRAMS.start() as i64 }, { *PROGRAMS.end() as i64 }>;
 

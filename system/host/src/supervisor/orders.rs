@@ -13,9 +13,8 @@ use condor_rt::supervisor::{self as wire, SupervisorResponse, operation, state};
 use super::Supervisor;
 use super::requests::Asker;
 use crate::control::ControlRequest;
-use crate::description::{
-    MayAsk, ProcessorEntry, ProgramEntry, SystemDescription, beside, find_program,
-};
+use crate::description::{MayAsk, ProcessorEntry, ProgramEntry, SystemDescription};
+use crate::paths::{beside, find_program};
 
 /// The requests of processors. Each processor has the outcome of its latest request alone, so what
 /// it sends takes no more room.

@@ -9,9 +9,10 @@ use super::UpError;
 use super::files::SystemFiles;
 use super::mailbox::SupervisorMailbox;
 use super::member::{Member, Plan};
-use crate::description::{OnFailure, ProgramEntry, SystemDescription, beside, find_program};
+use crate::description::{OnFailure, ProgramEntry, SystemDescription};
 use crate::error::NamedFileError;
 use crate::launch::{ChildProcess, Launch, ProgramImage};
+use crate::paths::{beside, find_program};
 use crate::services;
 use crate::system::SystemDirectory;
 use condor_rt::linux::{Environment, FileRange, LoopContext};
@@ -151,6 +152,7 @@ impl System<'_> {
             processor,
             bus: None,
             uio: Vec::new(),
+            serial: None,
             shared_memory: None,
             clock: self.clock.cloned(),
             work_ns: [0; condor_clock::LOOPS],

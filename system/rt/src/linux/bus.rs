@@ -1,19 +1,28 @@
 //! [`ProcessBus`]: the bus of a process, if it has one.
 
+use std::sync::Arc;
+
 use condor_dev::linux::LinuxBus;
 use condor_dev::{Bus, BusAccessError, Width};
 
+use super::serial::SerialPort;
 use crate::silent::Silent;
 
-/// The bus of a [`LinuxProcess`](super::LinuxProcess), through which its program accesses boards.
-/// All clones are the same bus.
+/// The bus of a [`LinuxProcess`](super::LinuxProcess), through which its program accesses boards: a file, or a part of
+/// one, that all processes map, whose first byte has the bus address 0; and at [`SERIAL`](crate::SERIAL) the serial port
+/// of the process. Where there is nothing, accesses fail. All clones are the same bus.
 #[derive(Clone, Debug)]
-pub enum ProcessBus {
-    /// A bus in a file, or in a part of one, that all processes map. Its first byte has the bus
-    /// address 0.
-    Mapped(LinuxBus),
-    /// A bus without boards: all accesses fail.
-    Silent(Silent),
+pub struct ProcessBus {
+    pub(super) mapped: Option<LinuxBus>,
+    pub(super) serial: Option<Arc<SerialPort>>,
+}
+
+impl ProcessBus {
+    #[inline]
+    fn serial(&self, address: usize) -> Option<(&SerialPort, usize)> {
+        let serial = self.serial.as_ref()?;
+        Some((serial, SerialPort::register(address)?))
+    }
 }
 
 impl Bus for ProcessBus {
@@ -21,17 +30,23 @@ impl Bus for ProcessBus {
 
     #[inline]
     fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
-        match self {
-            Self::Mapped(bus) => bus.read(address, width),
-            Self::Silent(bus) => bus.read(address, width),
+        if let Some((serial, register)) = self.serial(address) {
+            return serial.read(register, width);
+        }
+        match &self.mapped {
+            Some(bus) => bus.read(address, width),
+            None => Silent.read(address, width),
         }
     }
 
     #[inline]
     fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
-        match self {
-            Self::Mapped(bus) => bus.write(address, width, value),
-            Self::Silent(bus) => bus.write(address, width, value),
+        if let Some((serial, register)) = self.serial(address) {
+            return serial.write(register, width, value);
+        }
+        match &self.mapped {
+            Some(bus) => bus.write(address, width, value),
+            None => Silent.write(address, width, value),
         }
     }
 }

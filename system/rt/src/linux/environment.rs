@@ -131,6 +131,10 @@ pub struct Environment {
     /// with a simulated clock, they are not used.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uio: Vec<UioDevice>,
+    /// The terminal device that is the [serial port](crate::SERIAL) of the program, such as `/dev/ttyUSB0`; `None` if
+    /// it has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub serial: Option<PathBuf>,
     /// The memory that belongs to no processor, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shared_memory: Option<FileRange>,
@@ -242,6 +246,7 @@ mod tests {
         "system": "/run/condor/mailbox", "window_bytes": 4096, "processor": 3,
         "bus": { "file": "/run/condor/bus", "offset": 8192, "bytes": 4096 },
         "uio": [{ "vector": 64, "file": "/dev/uio0" }, { "vector": 65, "file": "/dev/uio1" }],
+        "serial": "/dev/ttyUSB0",
         "shared_memory": { "file": "/run/condor/shared", "offset": 0 },
         "clock": { "file": "/run/condor/clock", "offset": 24576, "bytes": 4096 },
         "work_ns": [500000, 0, 0, 0, 0, 0, 0, 7], "loops": "spin", "cpu": 1, "priority": 80

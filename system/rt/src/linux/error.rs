@@ -26,10 +26,11 @@ pub enum ProcessError {
     /// opened.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// A UIO device, or the file of the bus, of the shared memory or of the simulated clock could not be opened.
+    /// A UIO device, the serial port, or the file of the bus, of the shared memory or of the simulated clock could not
+    /// be opened.
     #[error("cannot open the {what} {path:?}: {source}")]
     Open {
-        /// `UIO device`, `bus`, `shared memory` or `simulated clock`.
+        /// `UIO device`, `serial port`, `bus`, `shared memory` or `simulated clock`.
         what: &'static str,
         /// The path of the file.
         path: PathBuf,

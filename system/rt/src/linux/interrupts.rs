@@ -11,14 +11,16 @@ use condor_mbox::linux::LinuxWindow;
 use super::bell::ProcessBell;
 use super::environment::UioDevice;
 use super::error::ProcessError;
-use crate::lines::{BoardLines, FIRST_LINE, LineState};
+use super::serial::SerialPort;
+use crate::lines::{BoardLines, FIRST_LINE, LineState, SERIAL_VECTOR};
 
 /// The controller of the boards' interrupts of a [`LinuxProcess`](super::LinuxProcess): vectors 128 to 159 are boards
-/// that are memory, and come first; lower ones are the UIO devices of the process. All clones are the same controller.
+/// that are memory, and come first, the serial port among them; lower ones are the UIO devices of the process. All clones are the same controller.
 #[derive(Clone, Debug)]
 pub struct ProcessInterrupts {
     pub(super) lines: BoardLines<LinuxWindow, ProcessBell, Arc<LineState>>,
     pub(super) uio: Option<Arc<UioInterrupts>>,
+    pub(super) serial: Option<Arc<SerialPort>>,
 }
 
 /// Opens UIO devices; `None` if there are none.
@@ -72,6 +74,11 @@ impl InterruptController for ProcessInterrupts {
     fn complete(&self, vector: InterruptVector) {
         if let Some(controller) = self.of(vector) {
             controller.complete(vector);
+        }
+        if let Some(serial) = &self.serial
+            && vector == SERIAL_VECTOR
+        {
+            serial.look_again();
         }
     }
 }

@@ -49,6 +49,7 @@ mod interrupts;
 mod process;
 mod run;
 mod sections;
+mod serial;
 mod spinner;
 mod timer;
 

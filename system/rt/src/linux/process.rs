@@ -22,6 +22,7 @@ use super::environment::{Environment, FileRange, LoopContext};
 use super::error::ProcessError;
 use super::interrupts::{self, ProcessInterrupts};
 use super::sections::{ProcessSections, Sections, Server};
+use super::serial::SerialPort;
 use super::spinner::Spinner;
 use super::timer::{NANOSECONDS, ProcessTimer};
 use crate::error::ProgramError;
@@ -29,7 +30,6 @@ use crate::lines::{BoardLines, LineState, SERVED_TWICE};
 use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
 use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
-use crate::silent::Silent;
 use crate::simulated::{self, SimulatedBell, SimulatedSection, SimulatedTimer};
 
 /// The longest wait for a number whose previous owner is exiting.
@@ -48,7 +48,8 @@ pub struct LinuxProcess {
     windows: [Windows<LinuxWindow>; PROCESSORS],
     doorbell: LinuxDoorbell<PROCESSORS>,
     way: LoopPlatform,
-    bus: ProcessBus,
+    bus: Option<LinuxBus>,
+    serial: Option<Arc<SerialPort>>,
     lines: Arc<LineState>,
     uio: Option<Arc<UioInterrupts>>,
     shared_memory: Option<Region<LinuxWindow>>,
@@ -81,8 +82,8 @@ impl LinuxProcess {
     /// # Errors
     /// [`ProcessError::Wrong`] if the environment says that loops run in signals, which only
     /// [`allowing_signals`](Self::allowing_signals) permits; [`ProcessError::Open`] or
-    /// [`ProcessError::MapBus`] if the bus cannot be mapped; [`ProcessError::Open`] or
-    /// [`ProcessError::MapShared`] if another shared memory cannot be mapped;
+    /// [`ProcessError::MapBus`] if the bus cannot be mapped; [`ProcessError::Open`] if a device or the serial port
+    /// cannot be opened; [`ProcessError::Open`] or [`ProcessError::MapShared`] if another shared memory cannot be mapped;
     /// [`ProcessError::ClockPlace`] or [`ProcessError::Clock`] if that memory holds no page of a
     /// simulated clock; [`ProcessError::Stopping`] if the signals cannot be handled;
     /// [`ProcessError::System`] if the memory cannot be opened or the number cannot be claimed.
@@ -124,10 +125,7 @@ impl LinuxProcess {
         arguments: impl IntoIterator<Item = String>,
     ) -> Result<Self, ProcessError> {
         let system = LinuxSystem::at(&environment.system, environment.window_bytes)?;
-        let bus = match &environment.bus {
-            Some(bus) => ProcessBus::Mapped(map(bus)?),
-            None => ProcessBus::Silent(Silent),
-        };
+        let bus = environment.bus.as_ref().map(map).transpose()?;
         let shared_memory = environment.shared_memory.as_ref().map(FileRange::window);
         let shared_memory = shared_memory.transpose()?;
         // Devices have no simulated time.
@@ -162,12 +160,13 @@ impl LinuxProcess {
         if let Some(cpu) = environment.cpu {
             wishes = wishes.pinned_to(cpu);
         }
-        let machine = Self {
+        let mut machine = Self {
             number,
             windows,
             doorbell,
             way,
             bus,
+            serial: None,
             lines: Arc::default(),
             uio,
             shared_memory,
@@ -175,7 +174,16 @@ impl LinuxProcess {
             stopping,
         };
         machine.tell(&wishes.request());
-        machine.interrupt_controller().lines.clear();
+        let lines = machine.interrupt_controller().lines;
+        lines.clear();
+        if let Some(path) = &environment.serial {
+            let port = SerialPort::open(path, lines).map_err(|error| ProcessError::Open {
+                what: "serial port",
+                path: path.clone(),
+                source: error.into(),
+            });
+            machine.serial = Some(Arc::new(port?));
+        }
         if let LoopPlatform::Simulated(clock) = &machine.way {
             clock.announce(0);
             // Nobody goes on before it has seen that all are there.
@@ -370,7 +378,10 @@ impl Machine for LinuxProcess {
     }
 
     fn bus(&self) -> ProcessBus {
-        self.bus.clone()
+        ProcessBus {
+            mapped: self.bus.clone(),
+            serial: self.serial.clone(),
+        }
     }
 
     fn interrupt_controller(&self) -> Self::Controller {
@@ -378,6 +389,7 @@ impl Machine for LinuxProcess {
         ProcessInterrupts {
             lines: BoardLines::new(self.number, data, self.doorbell(), self.lines.clone()),
             uio: self.uio.clone(),
+            serial: self.serial.clone(),
         }
     }
 
@@ -386,7 +398,7 @@ impl Machine for LinuxProcess {
         entry: &dyn InterruptEntry,
         background: impl FnOnce() -> R,
     ) -> Result<R, ProgramError> {
-        let ProcessInterrupts { lines, uio } = self.interrupt_controller();
+        let ProcessInterrupts { lines, uio, serial } = self.interrupt_controller();
         let serve = || {
             let pending = lines.is_pending();
             if pending {
@@ -402,9 +414,13 @@ impl Machine for LinuxProcess {
             }
             served
         };
-        let background = || match uio {
-            Some(uio) => self.with_devices(&uio, entry, background),
+        let background = || match serial {
+            Some(serial) => self.beside("serial", LOOPS, |ended| serial.attend(ended), background),
             None => Ok(background()),
+        };
+        let background = || match uio {
+            Some(uio) => self.with_devices(&uio, entry, background)?,
+            None => background(),
         };
         match &self.way {
             LoopPlatform::Threads(..) | LoopPlatform::Signals => {

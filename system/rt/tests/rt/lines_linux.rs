@@ -14,6 +14,8 @@ use condor_mos::Rate;
 use condor_rt::linux::{Environment, LinuxProcess, LoopContext, UioDevice};
 use condor_rt::{Background, Machine as _, ProgramError, Raiser, Setup};
 
+use crate::environment;
+
 const ME: Processor = Processor(3);
 const BOARDS: Processor = Processor(4);
 const VECTOR: InterruptVector = InterruptVector(131);
@@ -47,19 +49,7 @@ impl InterruptEntry for Counting<'_> {
 }
 
 fn environment(directory: &Path, processor: Processor, loops: LoopContext) -> Environment {
-    Environment {
-        system: directory.join("mailbox"),
-        window_bytes: 16384,
-        processor,
-        bus: None,
-        uio: Vec::new(),
-        shared_memory: None,
-        clock: None,
-        work_ns: [0; 8],
-        loops,
-        cpu: None,
-        priority: None,
-    }
+    environment::environment(directory, processor, 16384, loops)
 }
 
 /// Interrupts a program again and again, each time after it has served; `background` runs until it is told to end.

@@ -10,23 +10,13 @@ use condor_mbox::{Doorbell as _, Processor, conformance};
 use condor_rt::linux::{Environment, FileRange, LinuxProcess, LoopContext};
 use condor_rt::{Machine, PROCESSORS};
 
+use crate::environment;
+
 const ME: Processor = Processor(3);
 const OTHER: Processor = Processor(4);
 
 fn environment(directory: &Path, loops: LoopContext) -> Environment {
-    Environment {
-        system: directory.join("mailbox"),
-        window_bytes: 4096,
-        processor: ME,
-        bus: None,
-        uio: Vec::new(),
-        shared_memory: None,
-        clock: None,
-        work_ns: [0; 8],
-        loops,
-        cpu: None,
-        priority: None,
-    }
+    environment::environment(directory, ME, 4096, loops)
 }
 
 fn with_machine(loops: LoopContext, test: impl FnOnce(&LinuxProcess, &LinuxSystem<PROCESSORS>)) {

@@ -7,8 +7,10 @@ use std::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxSystem};
 use condor_mbox::{MailboxError as MailError, Messenger, Processor, Vector};
-use condor_rt::linux::{Environment, LinuxProcess, LoopContext};
+use condor_rt::linux::{LinuxProcess, LoopContext};
 use condor_rt::{Background, PROCESSORS, ProgramError, Setup};
+
+use crate::environment;
 
 const ME: Processor = Processor(3);
 const VISITOR: Processor = Processor(20);
@@ -23,19 +25,8 @@ fn with_visitor(
     visit: impl FnOnce(Claim<PROCESSORS>) + Send,
 ) -> u32 {
     let directory = tempfile::tempdir().unwrap();
-    let environment = Environment {
-        system: directory.path().join("mailbox"),
-        window_bytes: WINDOW_BYTES,
-        processor: ME,
-        bus: None,
-        uio: Vec::new(),
-        shared_memory: None,
-        clock: None,
-        work_ns: [0; 8],
-        loops: LoopContext::Threads,
-        cpu: None,
-        priority: None,
-    };
+    let environment =
+        environment::environment(directory.path(), ME, WINDOW_BYTES, LoopContext::Threads);
     let machine = LinuxProcess::new(&environment, []).unwrap();
     let system = LinuxSystem::at(&environment.system, WINDOW_BYTES).unwrap();
     let claim = system.claim(VISITOR).unwrap();

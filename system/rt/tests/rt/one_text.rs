@@ -17,6 +17,8 @@ use condor_rt::linux::{self, Environment, FileRange, LoopContext, MappedPage};
 use condor_rt::objects::{self, ObjectKind};
 use condor_rt::{Machine as _, PROCESSORS, loops, sim};
 
+use crate::environment;
+
 const WINDOW_BYTES: u32 = 8192;
 
 fn in_virtual_time() -> Seen {
@@ -56,19 +58,7 @@ fn small_process() {
 }
 
 fn environment(directory: &Path, loops: LoopContext) -> Environment {
-    Environment {
-        system: directory.join("mailbox"),
-        window_bytes: WINDOW_BYTES,
-        processor: SMALL,
-        bus: None,
-        uio: Vec::new(),
-        shared_memory: None,
-        clock: None,
-        work_ns: [0; 8],
-        loops,
-        cpu: None,
-        priority: None,
-    }
+    environment::environment(directory, SMALL, WINDOW_BYTES, loops)
 }
 
 fn start(environment: &Environment, change: impl FnOnce(&mut Command)) -> Child {

@@ -3,7 +3,7 @@
 use condor_dev::riscv::{Context, Plic};
 use condor_dev::{InterruptController, InterruptLevel, InterruptVector, Mmio};
 use condor_mbox::{Processor, StaticWindow};
-use condor_rt::{BoardLines, FIRST_LINE, LineState};
+use condor_rt::{BoardLines, FIRST_LINE, LineState, SERIAL_VECTOR};
 
 use crate::bell::HartBell;
 use crate::machine::{PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES};
@@ -43,17 +43,46 @@ pub(crate) const fn lines<D>(
 pub(crate) type HartLines<D = HartBell> = BoardLines<StaticWindow<'static>, D, &'static LineState>;
 
 /// The controller of the boards' interrupts of a hart's program: vectors 128 to 159 are boards that are memory,
-/// and come first; lower ones are the sources of the machine's interrupt controller, the PLIC.
+/// and come first; lower ones are the sources of the machine's interrupt controller, the PLIC. The source of the hart's
+/// serial port has the vector of [`SERIAL`](condor_rt::SERIAL).
 #[derive(Clone, Debug)]
 pub struct HartInterrupts {
     lines: HartLines,
     plic: HartPlic,
+    /// The source of the serial port, if the hart may have one.
+    serial: Option<InterruptVector>,
 }
 
 impl HartInterrupts {
-    /// Makes the controller of a hart with these lines and a PLIC of its own.
-    pub(crate) const fn new(lines: HartLines, plic: HartPlic) -> Self {
-        Self { lines, plic }
+    /// Makes the controller of a hart with these lines, a PLIC of its own, and this source of its serial port.
+    pub(crate) const fn new(
+        lines: HartLines,
+        plic: HartPlic,
+        serial: Option<InterruptVector>,
+    ) -> Self {
+        Self {
+            lines,
+            plic,
+            serial,
+        }
+    }
+
+    /// The source in the PLIC that has a vector; `None` if it is that of a line.
+    fn source(&self, vector: InterruptVector) -> Option<InterruptVector> {
+        if vector == SERIAL_VECTOR {
+            self.serial
+        } else {
+            (vector < FIRST_LINE).then_some(vector)
+        }
+    }
+
+    /// The vector of a source in the PLIC.
+    fn vector(&self, source: InterruptVector) -> InterruptVector {
+        if self.serial == Some(source) {
+            SERIAL_VECTOR
+        } else {
+            source
+        }
     }
 
     /// The lines of boards that are memory.
@@ -64,30 +93,28 @@ impl HartInterrupts {
 
 impl InterruptController for HartInterrupts {
     fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
-        if vector < FIRST_LINE {
-            self.plic.enable(vector, level);
-        } else {
-            self.lines.enable(vector, level);
+        match self.source(vector) {
+            Some(source) => self.plic.enable(source, level),
+            None => self.lines.enable(vector, level),
         }
     }
 
     fn disable(&self, vector: InterruptVector) {
-        if vector < FIRST_LINE {
-            self.plic.disable(vector);
-        } else {
-            self.lines.disable(vector);
+        match self.source(vector) {
+            Some(source) => self.plic.disable(source),
+            None => self.lines.disable(vector),
         }
     }
 
     fn claim(&self) -> Option<InterruptVector> {
-        self.lines.claim().or_else(|| self.plic.claim())
+        let line = self.lines.claim();
+        line.or_else(|| Some(self.vector(self.plic.claim()?)))
     }
 
     fn complete(&self, vector: InterruptVector) {
-        if vector < FIRST_LINE {
-            self.plic.complete(vector);
-        } else {
-            self.lines.complete(vector);
+        match self.source(vector) {
+            Some(source) => self.plic.complete(source),
+            None => self.lines.complete(vector),
         }
     }
 }

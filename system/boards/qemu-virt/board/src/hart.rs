@@ -15,7 +15,7 @@ use crate::boards::{self, HartInterrupts};
 use crate::machine::{CLINT, EXTERNAL, LINE, MTIME, RAM, SOFTWARE};
 use crate::memory::{LEAST_BYTES, memory};
 use crate::msip::{self, HARTS};
-use crate::{hooks, trap};
+use crate::{hooks, serial, trap};
 
 const fn timer(hart: u16) -> Clint {
     // SAFETY: the machine has a CLINT there; each hart uses its own timer, in machine mode.
@@ -49,7 +49,7 @@ pub struct Hart {
     control: Control<StaticWindow<'static>>,
     bell: HartBell,
     clint: &'static Clint,
-    bus: Mmio,
+    bus: (Mmio, Mmio),
     interrupts: HartInterrupts,
     arguments: [u8; ARGUMENT_BYTES],
     arguments_len: usize,
@@ -71,19 +71,20 @@ impl Hart {
         let mut arguments = [0; ARGUMENT_BYTES];
         let arguments_len = control.arguments(&mut arguments).ok()?;
         let bus = RAM.wrapping_add(map.bus as usize) as *mut u8;
+        // SAFETY: the map has checked that it lies in the RAM and in nothing else's; whoever else
+        // uses it, boards that are simulated, accesses it as this does.
+        let bus = unsafe { Mmio::translated(bus, 0, map.bus_bytes as usize) };
         let data = window(map.data.at(number.0.into()), map.data_bytes);
         let bell = HartBell::new(msip, &map);
         let lines = boards::lines(number, data, bell);
-        let interrupts = HartInterrupts::new(lines, boards::own_plic(hart)?);
+        let interrupts = HartInterrupts::new(lines, boards::own_plic(hart)?, serial::source(hart));
         Some(Self {
             index: hart,
             number,
             control,
             bell,
             clint,
-            // SAFETY: the map has checked that it lies in the RAM and in nothing else's; whoever else
-            // uses it, boards that are simulated, accesses it as this does.
-            bus: unsafe { Mmio::translated(bus, 0, map.bus_bytes as usize) },
+            bus: (bus, serial::registers(hart)),
             interrupts,
             arguments,
             arguments_len,
@@ -163,7 +164,8 @@ impl Machine for Hart {
     type Window = StaticWindow<'static>;
     type Doorbell = HartBell;
     type Exclusion = CriticalSection;
-    type Bus = Mmio;
+    /// The registers of boards, which harts and host share, and the serial port.
+    type Bus = (Mmio, Mmio);
     type Controller = HartInterrupts;
 
     fn number(&self) -> Processor {
@@ -193,7 +195,7 @@ impl Machine for Hart {
         (bytes > 0).then(|| Region::whole(window(self.map.shared, bytes)))
     }
 
-    fn bus(&self) -> Mmio {
+    fn bus(&self) -> (Mmio, Mmio) {
         self.bus
     }
 

@@ -29,6 +29,7 @@ mod debug;
 mod hooks;
 mod link;
 mod msip;
+mod serial;
 mod trap;
 mod triggers;
 

@@ -21,6 +21,10 @@ pub(crate) const PLIC_HIGHEST: u8 = 7;
 pub(crate) const UART: usize = 0x1000_0000;
 pub(crate) const UART_BYTES: usize = 0x100;
 pub(crate) const UART_VECTOR: u16 = 10;
+/// The PCI bus: the configuration of its cards, its ports, and the first of the four sources of its interrupts.
+pub(crate) const PCI_CONFIGURATION: usize = 0x3000_0000;
+pub(crate) const PCI_PORTS: usize = 0x0300_0000;
+pub(crate) const PCI_SOURCES: u16 = 32;
 /// Ends QEMU.
 pub(crate) const SWITCH: usize = 0x0010_0000;
 

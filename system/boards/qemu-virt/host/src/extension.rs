@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use condor_debug::gateway::Debuggee;
-use condor_host::description::{Spanned, WholeNumber, beside, find_program};
+use condor_host::description::{Spanned, WholeNumber};
 use condor_host::error::AnyError;
 use condor_host::extension::{Extension, ExtensionPart, Group, Service, StartingExtension};
+use condor_host::paths::{beside, find_program};
 use condor_host::supervisor::Launch;
 use condor_host::system::SystemDirectory;
 use condor_mbox::Processor;
@@ -83,11 +84,21 @@ impl Extension for Harts {
                 format!("cannot read {}: {error}", path.display()),
             );
         }
-        let qemu = Qemu {
+        let mut qemu = Qemu {
             command: command_path.ok()?,
             monitor: path,
             options: options.unwrap_or_default(),
         };
+        for (processor, hart) in found.processors.iter_mut().zip(&harts) {
+            let port: Option<Spanned<String>> = processor.keys.get("serial");
+            let Some(port) = port else { continue };
+            if hart.get_ref().0 >= map::SERIAL_HARTS {
+                let text = "only harts 0 to 3 can have a serial port; use one of them, or leave `serial` out";
+                processor.keys.wrong(&port.span(), text);
+                is_right = false;
+            }
+            qemu.add_serial_port(hart.get_ref().0, &beside(found.file, port.get_ref()));
+        }
         if !is_right {
             return None;
         }

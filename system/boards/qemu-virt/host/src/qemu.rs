@@ -16,13 +16,22 @@ pub struct Qemu {
 }
 
 impl Qemu {
+    /// Adds the serial port of the program on a hart to the machine: a 16550 whose line is the terminal device `path`.
+    pub fn add_serial_port(&mut self, hart: u32, path: &Path) {
+        let port = format!("port{hart}");
+        self.options.extend([
+            "-chardev".into(),
+            format!("serial,id={port},path={}", quoted(path)),
+            "-device".into(),
+            format!("pci-serial,chardev={port},addr={:#x}", hart + 1),
+        ]);
+    }
+
     /// Returns all arguments of QEMU for a machine with this memory, [`options`](Self::options)
     /// included. `link` is the path of the socket to which the machine's serial line is connected,
     /// and at which a process must listen already. With `None` the line is connected to nothing.
     #[must_use]
     pub fn arguments(&self, memory: &MachineMemory, link: Option<&Path>) -> Vec<String> {
-        // A comma ends a value there, unless it is doubled.
-        let quoted = |path: &Path| path.to_string_lossy().replace(',', ",,");
         let bytes = memory.map().memory_bytes;
         let mut arguments: Vec<String> = [
             "-machine",
@@ -53,4 +62,9 @@ impl Qemu {
         arguments.extend_from_slice(&self.options);
         arguments
     }
+}
+
+/// A path in a value of an argument: a comma ends a value there, unless it is doubled.
+fn quoted(path: &Path) -> String {
+    path.to_string_lossy().replace(',', ",,")
 }

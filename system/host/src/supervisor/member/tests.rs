@@ -39,6 +39,7 @@ fn member(place: &std::path::Path, kind: Option<&'static str>) -> (Member, Journ
         processor: Processor(1),
         bus: None,
         uio: Vec::new(),
+        serial: None,
         shared_memory: None,
         loops: condor_rt::linux::LoopContext::Spin,
         cpu: None,

@@ -103,6 +103,12 @@ fn mistakes_with_machines_are_told() {
         ),
         (
             "hart = 0",
+            "hart = 4\nserial = \"/dev/ttyUSB0\"",
+            "28:10: only harts 0 to 3 can have a serial port; use one of them, or leave `serial` out",
+            2,
+        ),
+        (
+            "hart = 0",
             "",
             "23:1: the key `hart` is missing here; it is a whole number from 0 to 7",
             2,

@@ -84,6 +84,7 @@ impl Rig {
             processor: NUMBER,
             bus: None,
             uio: Vec::new(),
+            serial: None,
             shared_memory: None,
             clock: None,
             work_ns: Default::default(),

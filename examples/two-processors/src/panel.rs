@@ -1,0 +1,67 @@
+//! The panel: an operator's terminal on the serial port, at which angles are typed.
+
+use core::mem;
+
+use condor_dev::drivers::Uart16550;
+use condor_dev::stream::{DeviceStream, looks};
+use condor_dev::{Bus, Fd, InterruptController, OpenMode, Switch, device_switch};
+use condor_rt::{SERIAL, Write as _};
+
+device_switch! {
+    /// The serial port, if the description names one for this processor.
+    pub(crate) struct Ports { serial: Uart16550 = [SERIAL] }
+}
+
+/// The panel: each line from it is an angle in mrad, and is answered by a line.
+pub(crate) struct Panel<'p, B, C> {
+    ports: &'p Switch<B, C, Ports, 1>,
+    serial: Option<Fd>,
+    line: [u8; 16],
+    len: usize,
+}
+
+impl<'p, B: Bus, C: InterruptController> Panel<'p, B, C> {
+    /// Makes the panel of a processor; without a serial port nothing comes from it.
+    pub(crate) fn new(ports: &'p Switch<B, C, Ports, 1>) -> Self {
+        ports.start();
+        let serial = ports.open("serial", 0, OpenMode::READ | OpenMode::WRITE);
+        Self {
+            ports,
+            serial: serial.ok(),
+            line: [0; 16],
+            len: 0,
+        }
+    }
+
+    /// Returns the next angle that was typed, and answers that the joint, which is at `place`, goes there; `None` if
+    /// nothing more was typed.
+    pub(crate) fn angle(&mut self, place: i32) -> Option<i32> {
+        let (serial, mut byte) = (self.serial?, [0]);
+        while let Ok(1) = self.ports.read(serial, &mut byte) {
+            let [byte] = byte;
+            if let Some(free) = self.line.get_mut(self.len).filter(|_| !is_end(byte)) {
+                *free = byte;
+                self.len += 1;
+            }
+            if !is_end(byte) || self.len == 0 {
+                continue;
+            }
+            let line = self.line.get(..mem::take(&mut self.len));
+            let line = str::from_utf8(line.unwrap_or_default()).unwrap_or("this");
+            let mut panel = DeviceStream::new(self.ports, serial, looks(0));
+            // Without room, a line of the answer is lost.
+            let _ = match line.parse() {
+                Ok(angle) => {
+                    let _ = write!(panel, "{place} -> {angle}\r\n");
+                    return Some(angle);
+                }
+                Err(_) => write!(panel, "{line} is no angle in mrad, such as 300\r\n"),
+            };
+        }
+        None
+    }
+}
+
+const fn is_end(byte: u8) -> bool {
+    matches!(byte, b'\r' | b'\n')
+}

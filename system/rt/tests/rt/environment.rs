@@ -1,0 +1,30 @@
+//! The settings of a process in the system of a test.
+#![cfg(feature = "linux")]
+
+use std::path::Path;
+
+use condor_mbox::Processor;
+use condor_rt::linux::{Environment, LoopContext};
+
+/// The settings of `processor` in the system in `directory`.
+pub(crate) fn environment(
+    directory: &Path,
+    processor: Processor,
+    window_bytes: u32,
+    loops: LoopContext,
+) -> Environment {
+    Environment {
+        system: directory.join("mailbox"),
+        window_bytes,
+        processor,
+        bus: None,
+        uio: Vec::new(),
+        serial: None,
+        shared_memory: None,
+        clock: None,
+        work_ns: [0; 8],
+        loops,
+        cpu: None,
+        priority: None,
+    }
+}

@@ -1,0 +1,136 @@
+//! The serial port of a process: the driver of a 16550, whose line is a terminal device.
+#![cfg(feature = "sim")]
+
+use std::fs::File;
+use std::io::{Read as _, Write as _};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread;
+use std::time::Duration;
+
+use condor_dev::drivers::Uart16550;
+use condor_dev::{IoError, OpenError, OpenMode, Switch, device_switch};
+use condor_mbox::Processor;
+use condor_rt::linux::{LinuxProcess, LoopContext, ProcessError};
+use condor_rt::{Machine as _, SERIAL, Setup};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+use crate::environment::environment;
+
+const ME: Processor = Processor(3);
+/// More than all buffers on the way hold, and not even.
+const BYTES: usize = 20_001;
+
+device_switch! { struct Ports { serial: Uart16550 = [SERIAL] } }
+
+/// The other end of a line, and the path of the device that is this end.
+fn line() -> (File, PathBuf) {
+    let other = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&other).unwrap();
+    unlockpt(&other).unwrap();
+    let path = ptsname(&other, Vec::new()).unwrap();
+    (File::from(other), path.to_str().unwrap().into())
+}
+
+/// Has a program send back all that it receives, each byte with another bit changed.
+fn echoes(loops: LoopContext) {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut other, path) = line();
+    let mut environment = environment(directory.path(), ME, 16384, loops);
+    environment.serial = Some(path);
+    // SAFETY: the program has no loop.
+    let machine = unsafe { LinuxProcess::allowing_signals(&environment, []) }.unwrap();
+    let (bus, controller) = (machine.bus(), machine.interrupt_controller());
+    let switch = Switch::<_, _, _, 1>::new(bus, controller, Ports::new());
+    switch.start();
+    let port = switch
+        .open("serial", 0, OpenMode::READ | OpenMode::WRITE)
+        .unwrap();
+    let gone = AtomicBool::new(false);
+    let sent: Vec<u8> = (0..BYTES).map(|number| (number * 7 % 256) as u8).collect();
+    let mut received = vec![0; BYTES];
+    thread::scope(|scope| {
+        let (mut writer, sent) = (other.try_clone().unwrap(), &sent);
+        scope.spawn(move || writer.write_all(sent).unwrap());
+        scope.spawn(|| {
+            other.read_exact(&mut received).unwrap();
+            gone.store(true, Relaxed);
+        });
+        let ran = Setup::new(&machine)
+            .unwrap()
+            .interrupts(&switch)
+            .background(|running| {
+                let (mut bytes, mut held) = ([0; 100], 0..0);
+                while !gone.load(Relaxed) {
+                    if held.is_empty() {
+                        let read = switch.read(port, &mut bytes);
+                        held = 0..read.unwrap_or(0);
+                        bytes = bytes.map(|byte| byte ^ 0x80);
+                    }
+                    match switch.write(port, &bytes[held.clone()]) {
+                        Ok(written) => held.start += written,
+                        Err(error) => assert_eq!(error, IoError::WouldBlock),
+                    }
+                    running.serve(Duration::from_micros(100))?;
+                }
+                Ok(())
+            });
+        ran.unwrap();
+    });
+    let back: Vec<u8> = received.iter().map(|byte| byte ^ 0x80).collect();
+    assert!(back == sent, "the bytes came back changed");
+    let counts = switch.interrupt_counts();
+    assert!(counts.served > 0, "{counts:?}");
+    assert_eq!(
+        (counts.unclaimed, counts.unhandled, counts.stuck),
+        (0, 0, 0)
+    );
+}
+
+#[test]
+fn bytes_pass_both_ways_beside_threads() {
+    echoes(LoopContext::Threads);
+}
+
+#[test]
+fn bytes_pass_both_ways_beside_signals() {
+    echoes(LoopContext::Signals);
+}
+
+#[test]
+fn bytes_pass_both_ways_where_a_program_spins() {
+    echoes(LoopContext::Spin);
+}
+
+#[test]
+fn a_process_without_serial_port_has_no_board_there() {
+    let directory = tempfile::tempdir().unwrap();
+    let environment = environment(directory.path(), ME, 16384, LoopContext::Threads);
+    let machine = LinuxProcess::new(&environment, []).unwrap();
+    let (bus, controller) = (machine.bus(), machine.interrupt_controller());
+    let switch = Switch::<_, _, _, 1>::new(bus, controller, Ports::new());
+    switch.start();
+    let opened = switch.open("serial", 0, OpenMode::READ);
+    assert!(matches!(opened, Err(OpenError::NotPresent { .. })));
+}
+
+#[test]
+fn what_is_no_terminal_device_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    for path in [file, directory.path().join("none")] {
+        let mut environment = environment(directory.path(), ME, 16384, LoopContext::Threads);
+        environment.serial = Some(path.clone());
+        let error = LinuxProcess::new(&environment, []).err().unwrap();
+        assert!(matches!(
+            error,
+            ProcessError::Open {
+                what: "serial port",
+                ..
+            }
+        ));
+        let error = error.to_string();
+        assert!(error.contains(path.to_str().unwrap()), "{error}");
+    }
+}
