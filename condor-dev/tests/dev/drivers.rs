@@ -40,7 +40,7 @@ fn start_up_finds_all_and_lets_none_interrupt() {
     assert_eq!(
         machine.switch.inventory().to_string(),
         "device   board      address vector level  found\n\
-         adc          0       0x1000      -     -  present\n\
+         adc          0       0x1000     67     4  present\n\
          dac          0       0x2000      -     -  present\n\
          encoder      0       0x3000      -     -  present\n\
          mpp          0       0x4000     65     3  present\n\

@@ -1,4 +1,4 @@
-//! A switch over one simulated board of each driver, and two boards of each driver that interrupts.
+//! A switch over one simulated board of each driver, and two boards of those that share a vector.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -15,7 +15,7 @@ device_switch! {
     /// The boards that the fuzz test uses: one of each driver at least. The parallel ports share
     /// one vector, and the serial ports another.
     pub struct Boards {
-        adc: Adc16 = [Location::at(ADC)],
+        adc: Adc16 = [Location::at(ADC).interrupting(67, 4)],
         dac: Dac16 = [Location::at(DAC)],
         encoder: Encoder8 = [Location::at(ENCODER)],
         mpp: Mpp = [
@@ -35,6 +35,7 @@ pub const UART: [usize; 2] = [0x5000, 0x5100];
 
 pub const MPPS: InterruptVector = InterruptVector(65);
 pub const UARTS: InterruptVector = InterruptVector(66);
+pub const ADCS: InterruptVector = InterruptVector(67);
 
 pub const BOTH: OpenMode = OpenMode::READ.union(OpenMode::WRITE);
 
@@ -75,6 +76,7 @@ impl Machine {
         for mpp in &this.mpp {
             this.controller.connect(MPPS, mpp.clone());
         }
+        this.controller.connect(ADCS, this.adc.clone());
         this.controller.connect(UARTS, this.uart.clone());
         this.controller.connect(UARTS, this.uart4.clone());
         this

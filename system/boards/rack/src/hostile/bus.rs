@@ -7,7 +7,7 @@ use condor_dev::BusAccessError;
 use condor_dev::sim::{self};
 use condor_dev::{Bus, BusErrorKind, InterruptController, InterruptLevel, InterruptVector, Width};
 
-use super::boards::{MPPS, UARTS};
+use super::boards::{ADCS, MPPS, UARTS};
 use super::journal::Journal;
 
 /// The greatest number of claims in one entry.
@@ -124,7 +124,8 @@ impl InterruptController for HostileController {
         let claims = &self.script.claims;
         let vector = match self.script.next()? {
             0..0x60 => MPPS,
-            0x60..0xc0 => UARTS,
+            0x60..0xb0 => UARTS,
+            0xb0..0xc0 => ADCS,
             0xc0..0xd0 => InterruptVector(7),
             _ => return None,
         };

@@ -190,9 +190,20 @@ impl Program {
                 ConversionTrigger::Command,
                 ConversionTrigger::External,
             ];
-            let _ = adc.set_trigger(adc.registers, triggers[usize::from(what) % 3]);
-            let _ = adc.start(adc.registers);
-            let _ = adc.scan(adc.registers, &mut [0; 20][..usize::from(what) % 20]);
+            let _ = match what & 7 {
+                0 => adc.set_trigger(adc.registers, triggers[usize::from(what >> 3) % 3]),
+                1 | 2 => adc.set_timer(adc.registers, what.into(), 100),
+                _ => adc.start(adc.registers),
+            };
+            let mut channels = [0; 20];
+            let scanned = adc.scan(adc.registers, &mut channels[..usize::from(what) % 20]);
+            if let Ok(scanned) = scanned
+                && !self.script.lies.get()
+            {
+                // All channels have one voltage at each instant.
+                let channels = &channels[..scanned];
+                assert!(channels.iter().all(|channel| *channel == channels[0]));
+            }
         } else if let Ok(dac) = self.switch.device(Boards::dac, fd) {
             let values = [i16::from(what); 20];
             let _ = dac.write_channels(
@@ -214,23 +225,28 @@ impl Program {
     fn outside(&mut self, what: u8) {
         let machine = &self.machine;
         let byte = self.script.byte();
-        match what & 7 {
+        match what {
+            8..=10 => {
+                let mut adc = outside(&machine.adc);
+                adc.channels = [i16::from(byte); 16];
+                adc.tick();
+            }
             0 | 1 => {
                 outside(&machine.mpp[usize::from(what & 1)]).strobe_in(byte);
             }
-            2 => {
+            2 | 12 => {
                 outside(&machine.uart).receive(byte, LineFault::None);
             }
-            3 => {
+            3 | 13 => {
                 outside(&machine.uart4).receive(byte, LineFault::Parity);
             }
-            4 => {
+            4 | 14 => {
                 outside(&machine.uart).transmit();
             }
             5 => {
                 outside(&machine.uart4).transmit();
             }
-            6 => outside(&machine.mpp[0]).strobed.clear(),
+            6 | 11 => outside(&machine.mpp[0]).strobed.clear(),
             _ => {
                 let mut uart = outside(&machine.uart);
                 uart.stuck = !uart.stuck;
