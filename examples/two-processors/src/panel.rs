@@ -1,11 +1,11 @@
 //! The panel: an operator's terminal on the serial port, at which angles are typed.
 
+use core::fmt::{self, Write as _};
 use core::mem;
 
 use condor_dev::drivers::Uart16550;
-use condor_dev::stream::{DeviceStream, looks};
 use condor_dev::{Bus, Fd, InterruptController, OpenMode, Switch, device_switch};
-use condor_rt::{SERIAL, Write as _};
+use condor_rt::SERIAL;
 
 device_switch! {
     /// The serial port, if the description names one for this processor.
@@ -46,19 +46,27 @@ impl<'p, B: Bus, C: InterruptController> Panel<'p, B, C> {
             if !is_end(byte) || self.len == 0 {
                 continue;
             }
-            let line = self.line.get(..mem::take(&mut self.len));
-            let line = str::from_utf8(line.unwrap_or_default()).unwrap_or("this");
-            let mut panel = DeviceStream::new(self.ports, serial, looks(0));
-            // Without room, a line of the answer is lost.
+            let (line, len) = (self.line, mem::take(&mut self.len));
+            let line = str::from_utf8(line.get(..len).unwrap_or_default()).unwrap_or("this");
             let _ = match line.parse() {
                 Ok(angle) => {
-                    let _ = write!(panel, "{place} -> {angle}\r\n");
+                    let _ = write!(self, "{place} -> {angle}\r\n");
                     return Some(angle);
                 }
-                Err(_) => write!(panel, "{line} is no angle in mrad, such as 300\r\n"),
+                Err(_) => write!(self, "{line} is no angle in mrad, such as 300\r\n"),
             };
         }
         None
+    }
+}
+
+impl<B: Bus, C: InterruptController> fmt::Write for Panel<'_, B, C> {
+    /// Sends text; what has no room is lost.
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        if let Some(serial) = self.serial {
+            let _ = self.ports.write(serial, text.as_bytes());
+        }
+        Ok(())
     }
 }
 

@@ -24,7 +24,7 @@ pub const FIRST_LINE: InterruptVector = InterruptVector(128);
 /// driver [`Uart16550`](condor_dev::drivers::Uart16550). A processor whose description names no serial port has no board
 /// there.
 pub const SERIAL: Location = Location::at(0x4000_0000).interrupting(SERIAL_VECTOR.0, 1);
-/// The vector of a serial port, that of the last line.
+/// The vector of a serial port, that of the last line: use that line for no other board.
 pub const SERIAL_VECTOR: InterruptVector = InterruptVector(FIRST_LINE.0 + 31);
 /// The reason why a second entry is refused.
 pub(crate) const SERVED_TWICE: ProgramError = ProgramError::Twice {
@@ -283,7 +283,7 @@ impl<M: Machine> Raiser<M> {
         }
     }
 
-    /// Requests an interrupt of a processor by a vector from 128 to 159. What was written before is seen by the driver
+    /// Requests an interrupt of a processor by a vector from 128 to 159, of which 159 is for [serial ports](SERIAL). What was written before is seen by the driver
     /// that serves it. Does nothing if there is no such processor or vector.
     pub fn raise(&self, processor: Processor, vector: InterruptVector) {
         let raised = self.data.get(processor.index()).and_then(raised);

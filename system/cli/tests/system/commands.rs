@@ -22,11 +22,11 @@ fn start() -> Up {
     up
 }
 
-fn text(up: &Up, arguments: &[&str]) -> String {
+pub(crate) fn text(up: &Up, arguments: &[&str]) -> String {
     String::from_utf8(up.run(arguments).stdout).unwrap()
 }
 
-fn answer(up: &Up, arguments: &[&str]) -> Value {
+pub(crate) fn answer(up: &Up, arguments: &[&str]) -> Value {
     let text = text(up, &[arguments, &["--json"]].concat());
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
 }

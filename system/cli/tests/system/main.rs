@@ -2,6 +2,7 @@
 
 mod asker;
 mod asking;
+mod boards;
 mod bounds;
 mod clock;
 mod commands;

@@ -5,6 +5,7 @@ use std::process::{Command, ExitCode};
 use condor_rt::numbers::MISTAKE;
 
 use crate::asker::Asker;
+use crate::boards::Echo;
 use crate::diary::Diary;
 use crate::joint::Joint;
 use crate::late::Late;
@@ -21,6 +22,7 @@ fn program() {
         Some("diary") => condor_rt::linux::run(&Diary, words),
         Some("joint") => condor_rt::linux::run(&Joint, words),
         Some("asker") => condor_rt::linux::run(&Asker, words),
+        Some("echo") => condor_rt::linux::run(&Echo, words),
         Some("late") => condor_rt::linux::run(&Late, words),
         Some("printer") => {
             std::thread::spawn(|| {

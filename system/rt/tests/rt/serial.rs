@@ -13,11 +13,13 @@ use condor_dev::{IoError, OpenError, OpenMode, Switch, device_switch};
 use condor_mbox::Processor;
 use condor_rt::linux::{LinuxProcess, LoopContext, ProcessError};
 use condor_rt::{Machine as _, SERIAL, Setup};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::environment::environment;
 
 const ME: Processor = Processor(3);
+const PATIENCE: Duration = Duration::from_secs(60);
 /// More than all buffers on the way hold, and not even.
 const BYTES: usize = 20_001;
 
@@ -32,10 +34,16 @@ fn line() -> (File, PathBuf) {
     (File::from(other), path.to_str().unwrap().into())
 }
 
+/// Waits until the line has bytes, or room for one; false if that takes too long.
+fn is_ready(line: &File, events: PollFlags) -> bool {
+    let patience = Timespec::try_from(PATIENCE).unwrap();
+    poll(&mut [PollFd::new(line, events)], Some(&patience)).unwrap() > 0
+}
+
 /// Has a program send back all that it receives, each byte with another bit changed.
 fn echoes(loops: LoopContext) {
     let directory = tempfile::tempdir().unwrap();
-    let (mut other, path) = line();
+    let (other, path) = line();
     let mut environment = environment(directory.path(), ME, 16384, loops);
     environment.serial = Some(path);
     // SAFETY: the program has no loop.
@@ -50,10 +58,17 @@ fn echoes(loops: LoopContext) {
     let sent: Vec<u8> = (0..BYTES).map(|number| (number * 7 % 256) as u8).collect();
     let mut received = vec![0; BYTES];
     thread::scope(|scope| {
-        let (mut writer, sent) = (other.try_clone().unwrap(), &sent);
-        scope.spawn(move || writer.write_all(sent).unwrap());
         scope.spawn(|| {
-            other.read_exact(&mut received).unwrap();
+            for byte in sent.iter().take_while(|_| is_ready(&other, PollFlags::OUT)) {
+                (&other).write_all(&[*byte]).unwrap();
+            }
+        });
+        scope.spawn(|| {
+            let mut rest = &mut received[..];
+            while !rest.is_empty() && is_ready(&other, PollFlags::IN) {
+                let count = (&other).read(rest).unwrap();
+                rest = &mut rest[count..];
+            }
             gone.store(true, Relaxed);
         });
         let ran = Setup::new(&machine)

@@ -49,7 +49,7 @@ pub(crate) type HartLines<D = HartBell> = BoardLines<StaticWindow<'static>, D, &
 pub struct HartInterrupts {
     lines: HartLines,
     plic: HartPlic,
-    /// The source of the serial port, if the hart may have one.
+    /// The source of the serial port, if the hart has one.
     serial: Option<InterruptVector>,
 }
 
@@ -115,6 +115,10 @@ impl InterruptController for HartInterrupts {
         match self.source(vector) {
             Some(source) => self.plic.complete(source),
             None => self.lines.complete(vector),
+        }
+        // Somebody may have raised the line of this vector, too.
+        if vector == SERIAL_VECTOR {
+            self.lines.complete(vector);
         }
     }
 }

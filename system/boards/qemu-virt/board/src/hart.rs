@@ -77,14 +77,15 @@ impl Hart {
         let data = window(map.data.at(number.0.into()), map.data_bytes);
         let bell = HartBell::new(msip, &map);
         let lines = boards::lines(number, data, bell);
-        let interrupts = HartInterrupts::new(lines, boards::own_plic(hart)?, serial::source(hart));
+        let (port, source) = serial::find(hart);
+        let interrupts = HartInterrupts::new(lines, boards::own_plic(hart)?, source);
         Some(Self {
             index: hart,
             number,
             control,
             bell,
             clint,
-            bus: (bus, serial::registers(hart)),
+            bus: (bus, port),
             interrupts,
             arguments,
             arguments_len,

@@ -22,13 +22,16 @@ const CARD: u32 = 0x0002_1b36;
 const ANSWER: u32 = 1 << 0;
 const REGISTERS: usize = 8;
 
-/// The registers of the port of a hart at [`SERIAL`]; none of them, if the machine has no port for it.
-pub(crate) fn registers(hart: u32) -> Mmio {
+/// The registers of the port of a hart at [`SERIAL`], and its source in the PLIC; no registers and no source, if the
+/// machine has no port for it. Cards have the four sources in turn.
+pub(crate) fn find(hart: u32) -> (Mmio, Option<InterruptVector>) {
     let found = slot(hart).filter(|slot| answers(*slot).is_ok_and(|card| card));
     let registers = PCI_PORTS + port(found.unwrap_or(0));
     let len = if found.is_some() { REGISTERS } else { 0 };
     // SAFETY: the card has these registers, and its hart alone uses them.
-    unsafe { Mmio::translated(registers as *mut u8, SERIAL.base(), len) }
+    let registers = unsafe { Mmio::translated(registers as *mut u8, SERIAL.base(), len) };
+    let source = found.map(|slot| InterruptVector(PCI_SOURCES + slot as u16 % 4));
+    (registers, source)
 }
 
 /// Has the card in a slot answer at its ports, if there is one.
@@ -43,11 +46,6 @@ fn answers(slot: usize) -> Result<bool, BusAccessError> {
     card.write32(word::PLACE, port(slot) as u32)?;
     card.write32(word::COMMAND, ANSWER)?;
     Ok(true)
-}
-
-/// The source in the PLIC of the port of a hart; cards have the four sources in turn.
-pub(crate) fn source(hart: u32) -> Option<InterruptVector> {
-    Some(InterruptVector(PCI_SOURCES + slot(hart)? as u16 % 4))
 }
 
 const fn slot(hart: u32) -> Option<usize> {

@@ -2,6 +2,7 @@
 #![no_std]
 #![no_main]
 
+mod arrivals;
 mod debugged;
 mod faulty;
 mod instructions;
@@ -16,6 +17,8 @@ const NO_PROGRAM: u32 = 2;
 
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
+        Some("arrivals") => board::run(&arrivals::Arrivals, &hart),
+        Some("arrivals-target") => board::run(&arrivals::Target, &hart),
         Some(program @ ("debugged" | "debugged-alone")) => {
             let nests = program == "debugged";
             board::run(&debugged::Debugged { nests }, &hart)

@@ -1,6 +1,7 @@
 //! Harts of a RISC-V machine in QEMU as processors. The images are built, and these tests run, by
 //! `cargo xtask riscv`.
 
+mod arrivals;
 mod debugger;
 mod editors;
 mod releases;
@@ -68,8 +69,7 @@ fn a_program_that_fails_says_why_in_the_log() {
     });
     let refused = refused.unwrap_err().to_string();
     assert!(refused.contains("`h0` is not running"), "{refused}");
-    let log = up.client().ask(&ControlRequest::Log { lines: 20 }).unwrap();
-    let log = log.lines.unwrap().join("\n");
+    let log = up.log();
     let error = "h0: an argument is missing or wrong: NAME=PROCESSOR,PROCESSOR,…";
     assert!(log.contains(error), "{log}");
     up.load("h0", &["echo"]);

@@ -49,7 +49,7 @@ fn after(up: &Up, number: u8, count: u64) -> [u64; 2] {
 }
 
 /// Returns the number in a variable of the environment, or `default`.
-fn number<T: std::str::FromStr<Err: std::fmt::Debug>>(name: &str, default: T) -> T {
+pub(crate) fn number<T: std::str::FromStr<Err: std::fmt::Debug>>(name: &str, default: T) -> T {
     std::env::var(name).map_or(default, |text| text.parse().unwrap())
 }
 

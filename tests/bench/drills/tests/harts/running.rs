@@ -147,8 +147,8 @@ impl Up {
             .unwrap_or_else(|_| panic!("{number}: {text}{error}"))
     }
 
-    /// Reads a terminal until `text` has come.
-    pub(crate) fn read_terminal(&self, name: &str, text: &str) {
+    /// Reads a terminal until `text` has come, and returns all that came.
+    pub(crate) fn read_terminal(&self, name: &str, text: &str) -> String {
         let mut stream = UnixStream::connect(self.directory().terminal(name)).unwrap();
         stream.set_read_timeout(Some(DEADLINE)).unwrap();
         let mut all = Vec::new();
@@ -160,6 +160,7 @@ impl Up {
             assert!(count > 0, "no {text:?}: {}", String::from_utf8_lossy(&all));
             all.extend_from_slice(&piece[..count]);
         }
+        String::from_utf8_lossy(&all).into_owned()
     }
 
     /// Waits until a program has ended by itself.
@@ -169,11 +170,17 @@ impl Up {
             let member = self.member(name);
             match member.state {
                 MemberState::Stopped => return,
-                MemberState::Failed => panic!("{name}: {:?}", member.last_exit),
+                MemberState::Failed => panic!("{name}: {:?}\n{}", member.last_exit, self.log()),
                 _ => assert!(Instant::now() < deadline, "{name} does not end"),
             }
             std::thread::yield_now();
         }
+    }
+
+    /// Returns the last lines of the log, in which programs that fail say why.
+    pub(crate) fn log(&self) -> String {
+        let log = self.client().ask(&ControlRequest::Log { lines: 20 });
+        log.unwrap().lines.unwrap().join("\n")
     }
 
     /// Takes it down, which must succeed.
