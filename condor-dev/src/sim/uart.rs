@@ -11,7 +11,8 @@ use crate::bus::Width;
 const FIFO: usize = 16;
 
 /// A simulated 16550 whose registers are `STRIDE` bytes apart (PC16550D data sheet), for tests of
-/// the driver [`Uart16550`](crate::drivers::Uart16550), and for serial lines that are something else.
+/// the driver [`Uart16550`](crate::drivers::Uart16550), and as the registers of a port whose line is something else,
+/// such as a terminal device.
 /// Whoever has the model plays the other end of the serial line. Accesses do not allocate.
 ///
 /// Time does not pass by itself: characters come and go when the other end calls for it, and a received
@@ -72,7 +73,13 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
     /// Returns true if the board has room for a character from the line.
     #[must_use]
     pub fn has_room(&self) -> bool {
-        self.received.len() < self.depth()
+        self.room() > 0
+    }
+
+    /// Returns the number of characters from the line for which the board has room.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        self.depth().saturating_sub(self.received.len())
     }
 
     /// Takes the next character that the board sends to the line; returns `None` if it has none to

@@ -4,8 +4,8 @@ use core::fmt::{self, Write as _};
 use core::mem;
 
 use condor_dev::drivers::Uart16550;
-use condor_dev::{Bus, Fd, InterruptController, OpenMode, Switch, device_switch};
-use condor_rt::SERIAL;
+use condor_dev::{Bus, Fd, InterruptController, OpenError, OpenMode, Switch, device_switch};
+use condor_rt::{ProgramError, SERIAL};
 
 device_switch! {
     /// The serial port, if the description names one for this processor.
@@ -22,15 +22,21 @@ pub(crate) struct Panel<'p, B, C> {
 
 impl<'p, B: Bus, C: InterruptController> Panel<'p, B, C> {
     /// Makes the panel of a processor; without a serial port nothing comes from it.
-    pub(crate) fn new(ports: &'p Switch<B, C, Ports, 1>) -> Self {
+    ///
+    /// # Errors
+    /// [`ProgramError`] if the port is there and cannot be opened.
+    pub(crate) fn new(ports: &'p Switch<B, C, Ports, 1>) -> Result<Self, ProgramError> {
         ports.start();
-        let serial = ports.open("serial", 0, OpenMode::READ | OpenMode::WRITE);
-        Self {
+        let serial = match ports.open("serial", 0, OpenMode::READ | OpenMode::WRITE) {
+            Err(OpenError::NotPresent { .. }) => None,
+            opened => Some(opened?),
+        };
+        Ok(Self {
             ports,
-            serial: serial.ok(),
+            serial,
             line: [0; 16],
             len: 0,
-        }
+        })
     }
 
     /// Returns the next angle that was typed, and answers that the joint, which is at `place`, goes there; `None` if
@@ -39,15 +45,20 @@ impl<'p, B: Bus, C: InterruptController> Panel<'p, B, C> {
         let (serial, mut byte) = (self.serial?, [0]);
         while let Ok(1) = self.ports.read(serial, &mut byte) {
             let [byte] = byte;
-            if let Some(free) = self.line.get_mut(self.len).filter(|_| !is_end(byte)) {
-                *free = byte;
-                self.len += 1;
-            }
-            if !is_end(byte) || self.len == 0 {
+            if !matches!(byte, b'\r' | b'\n') {
+                if let Some(free) = self.line.get_mut(self.len) {
+                    *free = byte;
+                }
+                self.len = self.len.saturating_add(1);
                 continue;
             }
             let (line, len) = (self.line, mem::take(&mut self.len));
-            let line = str::from_utf8(line.get(..len).unwrap_or_default()).unwrap_or("this");
+            // A longer line was not kept.
+            let line = line.get(..len).and_then(|line| str::from_utf8(line).ok());
+            let line = match line {
+                Some("") => continue,
+                line => line.unwrap_or("this"),
+            };
             let _ = match line.parse() {
                 Ok(angle) => {
                     let _ = write!(self, "{place} -> {angle}\r\n");
@@ -68,8 +79,4 @@ impl<B: Bus, C: InterruptController> fmt::Write for Panel<'_, B, C> {
         }
         Ok(())
     }
-}
-
-const fn is_end(byte: u8) -> bool {
-    matches!(byte, b'\r' | b'\n')
 }

@@ -34,7 +34,7 @@ impl Program for Servo {
         let boards = Switch::<_, _, _, 2>::new(i2c, NoInterrupts, Boards::new());
         boards.start();
         let ports = Switch::new(machine.bus(), machine.interrupt_controller(), Ports::new());
-        let mut panel = Panel::new(&ports);
+        let mut panel = Panel::new(&ports)?;
         let motor = boards.open_typed(Boards::motor, 0, OpenMode::WRITE)?;
         let sensor = boards.open_typed(Boards::sensor, 0, OpenMode::READ)?;
 

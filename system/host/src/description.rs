@@ -29,7 +29,7 @@
 //! | `cpu` | the CPU to which the process is pinned | any |
 //! | `priority` | a priority of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
 //! | `uio` | UIO devices whose interrupts are those of the program's boards, such as `[{ vector = 64, file = "/dev/uio0" }]`; vectors are 1 to 127, and different. They are not used in simulated time | `[]` |
-//! | `serial` | the terminal device that is the serial port of the program ([`condor_rt::SERIAL`]), such as `"/dev/ttyUSB0"` | none |
+//! | `serial` | the terminal device that is the serial port of the program ([`condor_rt::SERIAL`]), such as `"/dev/ttyUSB0"`. The program does not start without the device | none |
 //! | `on_failure` | `"restart"` the program, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
 //! | `restarts` | the greatest number of restarts in a minute, or in a row if the program does not join; then it has failed for good | 10 |
 //! | `loop_times_us` | how long its servo loops take in simulated time, in microseconds, the fastest loop first | they take no time |

@@ -93,8 +93,7 @@ pub trait Extension: Sync {
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct ExtensionPart<'a, 't> {
-    /// The file of the description, to which paths are relative: see
-    /// [`beside`](crate::paths::beside) and
+    /// The file of the description, to which paths are relative: see [`beside`] and
     /// [`find_program`](crate::paths::find_program).
     pub file: &'a Path,
     /// The keys of the extension's table; `None` if the description does not have the table.
@@ -109,6 +108,32 @@ pub struct ExtensionPart<'a, 't> {
     pub shared_bytes: u32,
     /// Whether the system has a simulated clock.
     pub simulated: bool,
+}
+
+impl ExtensionPart<'_, '_> {
+    /// Reads the key `serial` of each processor, and returns the paths of the terminal devices that are their serial
+    /// ports. Reports a device that another one of these processors has.
+    pub fn serial_ports(&mut self) -> Vec<Option<Spanned<PathBuf>>> {
+        let mut ports: Vec<Option<Spanned<PathBuf>>> = Vec::new();
+        for processor in &mut self.processors {
+            let keys = &mut processor.keys;
+            let port: Option<Spanned<String>> = keys.get("serial");
+            let port = port.map(|it| Spanned::new(it.span(), beside(self.file, it.get_ref())));
+            let same = ports
+                .iter()
+                .flatten()
+                .find(|other| Some(*other) == port.as_ref());
+            if let Some((other, port)) = same.zip(port.as_ref()) {
+                let line = keys.line(other.span().start);
+                let text = format!(
+                    "the processor with the `serial` in line {line} has this device, too; name another one"
+                );
+                keys.wrong(&port.span(), text);
+            }
+            ports.push(port);
+        }
+        ports
+    }
 }
 
 /// A processor in a description whose `kind` is that of the extension.
@@ -250,20 +275,21 @@ impl Extension for Processes {
     }
 
     fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
-        let settings = found.processors.iter_mut().map(|processor| {
+        let ports = found.serial_ports();
+        let settings = found.processors.iter_mut().zip(ports);
+        let settings = settings.map(|(processor, port)| {
             let keys = &mut processor.keys;
             let loops: Option<LoopContext> = keys.get("loops");
             let cpu: Option<WholeNumber<_, 0, 1023>> = keys.get("cpu");
             let priority: Option<WholeNumber<_, 1, 99>> = keys.get("priority");
             let uio: Vec<WiredDevice> = keys.get("uio").unwrap_or_default();
-            let serial: Option<String> = keys.get("serial");
             Settings {
                 number: processor.number,
                 loops: loops.unwrap_or_default(),
                 cpu: cpu.map(|cpu| cpu.0),
                 priority: priority.map(|priority| priority.0),
                 uio: uio.into_iter().map(WiredDevice::into_device).collect(),
-                serial: serial.map(|path| beside(found.file, &path)),
+                serial: port.map(Spanned::into_inner),
             }
         });
         Some(Box::new(ProcessGroup(settings.collect())))

@@ -21,8 +21,12 @@ use crate::numbers::PROCESSORS;
 /// The vector of the first line of boards that are memory. Lower ones are for the interrupt controllers of machines.
 pub const FIRST_LINE: InterruptVector = InterruptVector(128);
 /// The place of a processor's serial port on its bus, and its vector: a 16550 whose registers are one byte apart, for the
-/// driver [`Uart16550`](condor_dev::drivers::Uart16550). A processor whose description names no serial port has no board
-/// there.
+/// driver [`Uart16550`](condor_dev::drivers::Uart16550). Its clock has 1.8432 MHz: a divisor of 1 is 115 200 baud, which
+/// is the fastest. A processor whose description names no serial port has no board there; neither has a hart in
+/// simulated time. A process in simulated time has it, but what comes there comes in real time, so that runs differ.
+///
+/// The line is a terminal device of the host. A driver hears of no errors of its characters, no breaks and no modem
+/// lines; and bytes that have left the board may still be in buffers of the host. If the device fails, accesses do.
 pub const SERIAL: Location = Location::at(0x4000_0000).interrupting(SERIAL_VECTOR.0, 1);
 /// The vector of a serial port, that of the last line: use that line for no other board.
 pub const SERIAL_VECTOR: InterruptVector = InterruptVector(FIRST_LINE.0 + 31);
@@ -165,8 +169,9 @@ where
         }
     }
 
-    /// Sets whether a board of this processor itself asks for its interrupt by `vector`. Unlike a request of a
-    /// [`Raiser`], that ends when the board asks no more.
+    /// Requests an interrupt of this processor itself by `vector`, or withdraws the request, for a board that asks until
+    /// it is served. A request ends when the interrupt is claimed: call this again after each
+    /// [`complete`](InterruptController::complete) while the board asks.
     pub fn set_level(&self, vector: InterruptVector, asks: bool)
     where
         D: Doorbell,
@@ -283,8 +288,8 @@ impl<M: Machine> Raiser<M> {
         }
     }
 
-    /// Requests an interrupt of a processor by a vector from 128 to 159, of which 159 is for [serial ports](SERIAL). What was written before is seen by the driver
-    /// that serves it. Does nothing if there is no such processor or vector.
+    /// Requests an interrupt of a processor by a vector from 128 to 159, of which 159 is for [serial ports](SERIAL).
+    /// What was written before is seen by the driver that serves it. Does nothing if there is no such processor or vector.
     pub fn raise(&self, processor: Processor, vector: InterruptVector) {
         let raised = self.data.get(processor.index()).and_then(raised);
         let (Some(raised), Some(bit)) = (raised, bit(vector)) else {

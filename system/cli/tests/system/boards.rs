@@ -67,7 +67,7 @@ fn echoes(options: &[&str]) {
         "[[processors]]\nnumber = 1\nname = \"echo\"\nprogram = \"THIS\"\narguments = [\"echo\"]\nserial = {path:?}\n"
     );
     let up = Up::start(&echo, options);
-    // Before the program has opened its port, what is typed is lost.
+    // The program discards what came before it had opened its port.
     until(&up, |counts| counts["unhandled"] == 1);
     let mut other = File::from(other);
     other.write_all(b"there and back").unwrap();

@@ -173,6 +173,22 @@ fn names_and_numbers_are_there_once() {
 }
 
 #[test]
+fn a_serial_port_is_of_one_processor() {
+    let two = |port: &str| {
+        format!(
+            "{RIGHT}serial = \"/dev/ttyUSB0\"\n[[processors]]\nnumber = 3\nname = \"other\"\nprogram = \"self\"\n\
+             arguments = [\"table\"]\nserial = \"{port}\"\n"
+        )
+    };
+    let (_place, file) = place();
+    assert_eq!(told(&two("/dev/ttyUSB1"), &file), [""; 0]);
+    assert_eq!(
+        one(&two("/dev/ttyUSB0")),
+        "17:10: the processor with the `serial` in line 11 has this device, too; name another one"
+    );
+}
+
+#[test]
 fn what_is_no_toml_is_told_where_it_is() {
     let told = one(&RIGHT.replace("262144", "= 262144"));
     assert!(told.starts_with("3:16: "), "{told}");

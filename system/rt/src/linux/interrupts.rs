@@ -15,7 +15,8 @@ use super::serial::SerialPort;
 use crate::lines::{BoardLines, FIRST_LINE, LineState, SERIAL_VECTOR};
 
 /// The controller of the boards' interrupts of a [`LinuxProcess`](super::LinuxProcess): vectors 128 to 159 are boards
-/// that are memory, and come first, the serial port among them; lower ones are the UIO devices of the process. All clones are the same controller.
+/// that are memory, and come first, the serial port among them; lower ones are the UIO devices of the process. All
+/// clones are the same controller.
 #[derive(Clone, Debug)]
 pub struct ProcessInterrupts {
     pub(super) lines: BoardLines<LinuxWindow, ProcessBell, Arc<LineState>>,

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU64;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ use super::environment::{Environment, FileRange, LoopContext};
 use super::error::ProcessError;
 use super::interrupts::{self, ProcessInterrupts};
 use super::sections::{ProcessSections, Sections, Server};
-use super::serial::SerialPort;
+use super::serial::{SerialPort, Tty};
 use super::spinner::Spinner;
 use super::timer::{NANOSECONDS, ProcessTimer};
 use crate::error::ProgramError;
@@ -36,6 +36,8 @@ use crate::simulated::{self, SimulatedBell, SimulatedSection, SimulatedTimer};
 const SUCCESSION: Duration = Duration::from_secs(5);
 /// The time between two looks for rings that the memory cannot tell of.
 const LOOK: Duration = Duration::from_millis(5);
+/// The number of times in a row that boards may ask again at once.
+const MOST_IN_A_ROW: u32 = 16;
 /// The longest sleep of a thread that serves.
 const NAP: Duration = Duration::from_millis(100);
 
@@ -108,11 +110,7 @@ impl LinuxProcess {
     /// stack.
     ///
     /// # Errors
-    /// [`ProcessError::Open`] or [`ProcessError::MapBus`] if the bus cannot be mapped;
-    /// [`ProcessError::Open`] or [`ProcessError::MapShared`] if another shared memory cannot be
-    /// mapped; [`ProcessError::ClockPlace`] or [`ProcessError::Clock`] if that memory holds no page
-    /// of a simulated clock; [`ProcessError::Stopping`] if the signals cannot be handled;
-    /// [`ProcessError::System`] if the memory cannot be opened or the number cannot be claimed.
+    /// Those of [`new`](Self::new), but for that of signals.
     pub unsafe fn allowing_signals(
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,
@@ -128,9 +126,10 @@ impl LinuxProcess {
         let bus = environment.bus.as_ref().map(map).transpose()?;
         let shared_memory = environment.shared_memory.as_ref().map(FileRange::window);
         let shared_memory = shared_memory.transpose()?;
-        // Devices have no simulated time.
+        // The interrupts of devices have no simulated time.
         let devices = environment.clock.is_none().then_some(&environment.uio);
         let uio = interrupts::open(devices.map_or(&[], Vec::as_slice))?;
+        let tty = environment.serial.as_deref().map(Tty::open).transpose()?;
         let stopping = Arc::new(AtomicBool::new(false));
         for signal in [SIGTERM, SIGINT] {
             signal_hook::flag::register(signal, stopping.clone())
@@ -176,14 +175,7 @@ impl LinuxProcess {
         machine.tell(&wishes.request());
         let lines = machine.interrupt_controller().lines;
         lines.clear();
-        if let Some(path) = &environment.serial {
-            let port = SerialPort::open(path, lines).map_err(|error| ProcessError::Open {
-                what: "serial port",
-                path: path.clone(),
-                source: error.into(),
-            });
-            machine.serial = Some(Arc::new(port?));
-        }
+        machine.serial = tty.map(|tty| Arc::new(SerialPort::new(tty, lines)));
         if let LoopPlatform::Simulated(clock) = &machine.way {
             clock.announce(0);
             // Nobody goes on before it has seen that all are there.
@@ -406,11 +398,16 @@ impl Machine for LinuxProcess {
             }
             pending
         };
+        let in_a_row = AtomicU32::new(0);
         let serve_slowly = || {
             let served = serve();
             if served && lines.is_pending() {
                 // A peer that asks again and again, or an entry that takes nothing.
-                thread::sleep(LOOK);
+                if in_a_row.fetch_add(1, Ordering::Relaxed) >= MOST_IN_A_ROW {
+                    thread::sleep(LOOK);
+                }
+            } else {
+                in_a_row.store(0, Ordering::Relaxed);
             }
             served
         };

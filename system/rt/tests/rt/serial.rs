@@ -1,20 +1,22 @@
 //! The serial port of a process: the driver of a 16550, whose line is a terminal device.
 #![cfg(feature = "sim")]
 
+use core::num::NonZeroU16;
 use std::fs::File;
 use std::io::{Read as _, Write as _};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use condor_dev::drivers::Uart16550;
-use condor_dev::{IoError, OpenError, OpenMode, Switch, device_switch};
+use condor_dev::drivers::{Format, Uart16550};
+use condor_dev::{BusErrorKind, Fd, IoError, OpenError, OpenMode, Switch, device_switch};
 use condor_mbox::Processor;
-use condor_rt::linux::{LinuxProcess, LoopContext, ProcessError};
+use condor_rt::linux::{LinuxProcess, LoopContext, ProcessBus, ProcessError, ProcessInterrupts};
 use condor_rt::{Machine as _, SERIAL, Setup};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 
 use crate::environment::environment;
 
@@ -148,4 +150,77 @@ fn what_is_no_terminal_device_is_refused() {
         let error = error.to_string();
         assert!(error.contains(path.to_str().unwrap()), "{error}");
     }
+}
+
+/// Makes a process whose serial port is the device `path`, and has it use the port in its background.
+fn with_port(
+    path: PathBuf,
+    test: impl FnOnce(&Switch<ProcessBus, ProcessInterrupts, Ports, 1>, Fd),
+) {
+    let directory = tempfile::tempdir().unwrap();
+    let mut environment = environment(directory.path(), ME, 16384, LoopContext::Threads);
+    environment.serial = Some(path);
+    let machine = LinuxProcess::new(&environment, []).unwrap();
+    let switch = Switch::new(machine.bus(), machine.interrupt_controller(), Ports::new());
+    switch.start();
+    let port = switch
+        .open("serial", 0, OpenMode::READ | OpenMode::WRITE)
+        .unwrap();
+    test(&switch, port);
+}
+
+/// Reads until something comes.
+fn read(switch: &Switch<ProcessBus, ProcessInterrupts, Ports, 1>, port: Fd) -> u8 {
+    let (begun, mut byte) = (Instant::now(), [0]);
+    loop {
+        let uart = switch.device(Ports::serial, port).unwrap();
+        uart.poll(uart.registers).unwrap();
+        if let Ok(1) = switch.read(port, &mut byte) {
+            return byte[0];
+        }
+        assert!(begun.elapsed() < PATIENCE);
+    }
+}
+
+#[test]
+fn the_line_has_the_format_and_the_speed_of_the_driver() {
+    let (other, path) = line();
+    with_port(path, |switch, port| {
+        let uart = switch.device(Ports::serial, port).unwrap();
+        let divisor = NonZeroU16::new(12).unwrap();
+        let format = Format::SEVEN_BITS.even().two_stop_bits();
+        uart.configure(uart.registers, divisor, format).unwrap();
+        let set = tcgetattr(&other).unwrap();
+        assert_eq!(set.output_speed(), 9600);
+        // A terminal without a line has eight bits and no parity.
+        assert!(set.control_modes.contains(ControlModes::CSTOPB));
+        assert!(!set.control_modes.contains(ControlModes::PARODD));
+    });
+}
+
+#[test]
+fn what_came_before_the_port_was_opened_is_discarded() {
+    let (mut other, path) = line();
+    // A user of before has left the line as it is.
+    let mut raw = tcgetattr(&other).unwrap();
+    raw.make_raw();
+    tcsetattr(&other, OptionalActions::Now, &raw).unwrap();
+    other.write_all(&[b'o'; 100]).unwrap();
+    with_port(path, |switch, port| {
+        other.write_all(b"n").unwrap();
+        assert_eq!(read(switch, port), b'n');
+    });
+}
+
+#[test]
+fn accesses_fail_when_the_line_has_gone() {
+    let (other, path) = line();
+    with_port(path, |switch, port| {
+        drop(other);
+        let uart = switch.device(Ports::serial, port).unwrap();
+        let error = uart.poll(uart.registers).unwrap_err();
+        assert_eq!(error.kind, BusErrorKind::Lost);
+        let flushed = switch.is_flushed(port).unwrap_err();
+        assert!(matches!(flushed, IoError::Bus(error) if error.kind == BusErrorKind::Lost));
+    });
 }

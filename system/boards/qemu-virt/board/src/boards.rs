@@ -116,9 +116,5 @@ impl InterruptController for HartInterrupts {
             Some(source) => self.plic.complete(source),
             None => self.lines.complete(vector),
         }
-        // Somebody may have raised the line of this vector, too.
-        if vector == SERIAL_VECTOR {
-            self.lines.complete(vector);
-        }
     }
 }

@@ -3,11 +3,11 @@
 use core::time::Duration;
 
 use condor_clock::Page;
-use condor_dev::{InterruptEntry, Mmio};
+use condor_dev::{InterruptController as _, InterruptEntry, Mmio};
 use condor_mbox::{CriticalSection, Processor, Region, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
-use condor_rt::{Machine, PROCESSORS, ProgramError, ServoLoop, on_one_stack};
+use condor_rt::{Machine, PROCESSORS, ProgramError, SERIAL_VECTOR, ServoLoop, on_one_stack};
 use qemu_virt_host::{ARGUMENT_BYTES, Control, Map};
 
 use crate::bell::HartBell;
@@ -78,6 +78,10 @@ impl Hart {
         let bell = HartBell::new(msip, &map);
         let lines = boards::lines(number, data, bell);
         let (port, source) = serial::find(hart);
+        if source.is_some() {
+            // The port has this vector alone.
+            lines.disable(SERIAL_VECTOR);
+        }
         let interrupts = HartInterrupts::new(lines, boards::own_plic(hart)?, source);
         Some(Self {
             index: hart,

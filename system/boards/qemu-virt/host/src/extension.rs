@@ -42,6 +42,16 @@ impl Extension for Harts {
 
     fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
         let (harts, mut is_right) = harts(found);
+        let ports = found.serial_ports();
+        for ((processor, port), hart) in found.processors.iter().zip(&ports).zip(&harts) {
+            if let Some(port) = port
+                && hart.get_ref().0 >= map::SERIAL_HARTS
+            {
+                let text = "only harts 0 to 3 can have a serial port; use one of them, or leave `serial` out";
+                processor.keys.wrong(&port.span(), text);
+                is_right = false;
+            }
+        }
         let holding = found.processors.iter_mut().filter_map(|processor| {
             let holds: bool = processor.keys.get("hold_exceptions")?;
             holds.then_some(processor.number?)
@@ -89,15 +99,10 @@ impl Extension for Harts {
             monitor: path,
             options: options.unwrap_or_default(),
         };
-        for (processor, hart) in found.processors.iter_mut().zip(&harts) {
-            let port: Option<Spanned<String>> = processor.keys.get("serial");
-            let Some(port) = port else { continue };
-            if hart.get_ref().0 >= map::SERIAL_HARTS {
-                let text = "only harts 0 to 3 can have a serial port; use one of them, or leave `serial` out";
-                processor.keys.wrong(&port.span(), text);
-                is_right = false;
+        for (port, hart) in ports.iter().zip(&harts) {
+            if let Some(port) = port {
+                qemu.add_serial_port(hart.get_ref().0, port.get_ref());
             }
-            qemu.add_serial_port(hart.get_ref().0, &beside(found.file, port.get_ref()));
         }
         if !is_right {
             return None;

@@ -19,12 +19,14 @@ impl Qemu {
     /// Adds the serial port of the program on a hart to the machine: a 16550 whose line is the terminal device `path`.
     pub fn add_serial_port(&mut self, hart: u32, path: &Path) {
         let port = format!("port{hart}");
-        self.options.extend([
+        let arguments = [
             "-chardev".into(),
             format!("serial,id={port},path={}", quoted(path)),
             "-device".into(),
             format!("pci-serial,chardev={port},addr={:#x}", hart + 1),
-        ]);
+        ];
+        // Before cards that take the first slot that is free.
+        self.options.splice(0..0, arguments);
     }
 
     /// Returns all arguments of QEMU for a machine with this memory, [`options`](Self::options)

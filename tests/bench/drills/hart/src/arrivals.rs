@@ -42,7 +42,7 @@ const ALONE: u16 = 128;
 const SHARED: u16 = 130;
 /// The vector of two boards, of which one gets stuck: it asks for ever.
 const STICKING: u16 = 135;
-/// The vector of one board, which withdraws requests.
+/// The vector of one board, which withdraws requests. It is that of a serial port, which these harts do not have.
 const FICKLE: u16 = 159;
 /// Vectors without a board: as many as a program tells apart.
 const STRANGERS: [u16; 8] = [129, 136, 137, 140, 143, 150, 156, 157];
