@@ -138,8 +138,8 @@ impl Project<'_> {
             .env("CARGO_PROFILE_DEV_DEBUG", "line-tables-only")
     }
 
-    /// Brings a system up, moves the joint, also from a panel on the serial port of the servo, sets a parameter, kills the servo if it is a process, and
-    /// takes the system down.
+    /// Brings a system up, moves the joint, also from a panel on the serial port of the servo, sets a parameter,
+    /// kills the servo if it is a process, and takes the system down.
     fn bring_up(&self, description: &str, system: &str, kills: bool) -> Result<()> {
         let mut panel = Panel::connect(&self.directory.join(description))?;
         let mut up = self.program(&["up", description, "--headless", "--for", "5m"]);

@@ -162,7 +162,7 @@ impl SerialPort {
     }
 
     pub(super) fn read(&self, register: usize, width: Width) -> Result<u32, BusAccessError> {
-        self.access(register, |model| model.read(register, width))
+        self.access(register, |board| board.model.read(register, width))
     }
 
     pub(super) fn write(
@@ -175,16 +175,19 @@ impl SerialPort {
             // A line that has failed says so below.
             let _ = self.tty.discard();
         }
-        self.access(register, |model| model.write(register, width, value))?;
-        self.follow(register)
+        let wanted = self.access(register, |board| {
+            board.model.write(register, width, value)?;
+            Some(board.wanted())
+        })?;
+        wanted.map_or(Ok(()), |wanted| self.follow(register, wanted))
     }
 
     fn access<R>(
         &self,
         register: usize,
-        access: impl FnOnce(&mut UartModel) -> Option<R>,
+        access: impl FnOnce(&mut Board) -> Option<R>,
     ) -> Result<R, BusAccessError> {
-        let (result, failed) = self.with(|board| (access(&mut board.model), board.failed));
+        let (result, failed) = self.with(|board| (access(board), board.failed));
         if failed.is_some() {
             return Err(error(register, BusErrorKind::Lost));
         }
@@ -194,9 +197,7 @@ impl SerialPort {
 
     /// Has the line follow a new format or speed of the board. That takes long on some devices: it is in no critical
     /// section.
-    fn follow(&self, register: usize) -> Result<(), BusAccessError> {
-        let wanted = self.with(|board| board.wanted());
-        let Some(wanted) = wanted else { return Ok(()) };
+    fn follow(&self, register: usize, wanted: Setting) -> Result<(), BusAccessError> {
         let configured = self.tty.configure(wanted);
         configured.map_err(|_| error(register, BusErrorKind::NoAnswer))?;
         self.with(|board| board.set = wanted);

@@ -15,6 +15,7 @@ use condor_rt::linux::{Environment, LinuxProcess, LoopContext, UioDevice};
 use condor_rt::{Background, Machine as _, ProgramError, Raiser, Setup};
 
 use crate::environment;
+use crate::terminal::raw_terminal;
 
 const ME: Processor = Processor(3);
 const BOARDS: Processor = Processor(4);
@@ -167,25 +168,12 @@ fn a_second_entry_is_refused() {
     });
 }
 
-/// The other end of a device that is a terminal: the count of an interrupt is read, and what is written allows the
-/// next one, as of a UIO device.
-fn device() -> (std::fs::File, std::path::PathBuf) {
-    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    let end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
-    grantpt(&end).unwrap();
-    unlockpt(&end).unwrap();
-    let mut raw = rustix::termios::tcgetattr(&end).unwrap();
-    raw.make_raw();
-    rustix::termios::tcsetattr(&end, rustix::termios::OptionalActions::Now, &raw).unwrap();
-    let path = ptsname(&end, Vec::new()).unwrap();
-    (end.into(), path.to_str().unwrap().into())
-}
-
 #[test]
 fn a_uio_device_interrupts() {
     use std::io::{Read as _, Write as _};
     let directory = tempfile::tempdir().unwrap();
-    let (mut board, path) = device();
+    // The count of an interrupt is read, and what is written allows the next one, as of a UIO device.
+    let (mut board, path) = raw_terminal();
     let device = UioDevice { vector: 64, path };
     for loops in [LoopContext::Threads, LoopContext::Spin] {
         let environment = Environment {

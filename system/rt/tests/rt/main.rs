@@ -14,3 +14,4 @@ mod sim_conforms;
 mod sim_files;
 #[cfg(feature = "sim")]
 mod small;
+mod terminal;

@@ -15,10 +15,10 @@ use condor_mbox::Processor;
 use condor_rt::linux::{LinuxProcess, LoopContext, ProcessBus, ProcessError, ProcessInterrupts};
 use condor_rt::{Machine as _, SERIAL, Setup};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
+use rustix::termios::{ControlModes, tcgetattr};
 
 use crate::environment::environment;
+use crate::terminal::{raw_terminal, terminal};
 
 const ME: Processor = Processor(3);
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -26,15 +26,6 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const BYTES: usize = 20_001;
 
 device_switch! { struct Ports { serial: Uart16550 = [SERIAL] } }
-
-/// The other end of a line, and the path of the device that is this end.
-fn line() -> (File, PathBuf) {
-    let other = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
-    grantpt(&other).unwrap();
-    unlockpt(&other).unwrap();
-    let path = ptsname(&other, Vec::new()).unwrap();
-    (File::from(other), path.to_str().unwrap().into())
-}
 
 /// Waits until the line has bytes, or room for one; false if that takes too long.
 fn is_ready(line: &File, events: PollFlags) -> bool {
@@ -45,7 +36,7 @@ fn is_ready(line: &File, events: PollFlags) -> bool {
 /// Has a program send back all that it receives, each byte with another bit changed.
 fn echoes(loops: LoopContext) {
     let directory = tempfile::tempdir().unwrap();
-    let (other, path) = line();
+    let (other, path) = terminal();
     let mut environment = environment(directory.path(), ME, 16384, loops);
     environment.serial = Some(path);
     // SAFETY: the program has no loop.
@@ -184,7 +175,7 @@ fn read(switch: &Switch<ProcessBus, ProcessInterrupts, Ports, 1>, port: Fd) -> u
 
 #[test]
 fn the_line_has_the_format_and_the_speed_of_the_driver() {
-    let (other, path) = line();
+    let (other, path) = terminal();
     with_port(path, |switch, port| {
         let uart = switch.device(Ports::serial, port).unwrap();
         let divisor = NonZeroU16::new(12).unwrap();
@@ -200,11 +191,8 @@ fn the_line_has_the_format_and_the_speed_of_the_driver() {
 
 #[test]
 fn what_came_before_the_port_was_opened_is_discarded() {
-    let (mut other, path) = line();
     // A user of before has left the line as it is.
-    let mut raw = tcgetattr(&other).unwrap();
-    raw.make_raw();
-    tcsetattr(&other, OptionalActions::Now, &raw).unwrap();
+    let (mut other, path) = raw_terminal();
     other.write_all(&[b'o'; 100]).unwrap();
     with_port(path, |switch, port| {
         other.write_all(b"n").unwrap();
@@ -214,7 +202,7 @@ fn what_came_before_the_port_was_opened_is_discarded() {
 
 #[test]
 fn accesses_fail_when_the_line_has_gone() {
-    let (other, path) = line();
+    let (other, path) = terminal();
     with_port(path, |switch, port| {
         drop(other);
         let uart = switch.device(Ports::serial, port).unwrap();
