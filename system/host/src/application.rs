@@ -43,12 +43,14 @@ pub trait Application: Sync {
         &[]
     }
 
-    /// Checks the robot's configuration in the file `robot`, which the system description names.
+    /// Checks the robot's configuration in the file `robot`, which the system description names. `served` are the parts
+    /// of the robot that the description gives to a processor: the number of the processor, and the name of the part.
     /// The default refuses every file.
     ///
     /// # Errors
-    /// Returns an error if the configuration is wrong; the text says where.
-    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+    /// Returns an error if the configuration is wrong, or a part cannot be served so; the text says where.
+    fn check_robot(&self, robot: &Path, served: &[(u8, &str)]) -> Result<(), AnyError> {
+        let _ = served;
         Err(format!(
             "{} has no robot of its own, so it does not use a robot's configuration, such as {}; remove the key \
              `robot`, or use the program that was built for the robot",

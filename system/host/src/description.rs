@@ -34,6 +34,7 @@
 //! | `restarts` | the greatest number of restarts in a minute, or in a row if the program does not join; then it has failed for good | 10 |
 //! | `loop_times_us` | how long its servo loops take in simulated time, in microseconds, the fastest loop first | they take no time |
 //! | `may_ask` | the requests of its program, by message, that the supervisor carries out: `"restart"` of any processor's program, `"load"` of a program that this description names (see [`condor_rt::supervisor`]) | `[]` |
+//! | `serves` | the parts of the robot, such as fingers, that its program serves, by their names; the others are served as the file `robot` says | `[]` |
 //! | `stall_seconds` | how long the heartbeat may stop before that is a failure, in seconds; 0: for ever | 5 |
 //!
 //! `loops`, `cpu`, `priority`, `uio` and `serial` are for processes; other kinds have keys of their own.
@@ -258,6 +259,19 @@ pub struct ProcessorEntry {
     pub stall_seconds: u32,
     /// The requests of its program that the supervisor carries out.
     pub may_ask: Vec<MayAsk>,
+    /// The names of the parts of the robot that its program serves, instead of the processor that the robot's
+    /// configuration names.
+    pub serves: Vec<String>,
+}
+
+/// Returns the parts of the robot that these processors serve: for each the number of the processor, and the name of
+/// the part.
+#[must_use]
+pub fn served(processors: &[ProcessorEntry]) -> Vec<(u8, &str)> {
+    let parts = processors
+        .iter()
+        .flat_map(|one| one.serves.iter().map(|part| (one.number, part.as_str())));
+    parts.collect()
 }
 
 /// A request that the program of a processor may send to the supervisor by message: an element of `may_ask` in a

@@ -115,7 +115,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<SystemDescription> {
         .map(|table| processor::read(table, &extensions, own))
         .collect();
     processor::check(&top, &processors, &extensions);
-    let robot = robot.map(|robot| self::robot(&top, &robot, own));
+    let robot = self::robot(&top, robot.as_ref(), &processors, own);
     top.finish();
     let mut groups = Vec::new();
     let (mut whole, mut rest) = (Vec::new(), Vec::new());
@@ -252,13 +252,39 @@ fn directory(keys: &Keys<'_, '_>, root: &Spanned<String>, own: &Own<'_>) -> Path
     path
 }
 
-/// The configuration of the robot, which must be right, too.
-fn robot(keys: &Keys<'_, '_>, robot: &Spanned<String>, own: &Own<'_>) -> PathBuf {
+/// The configuration of the robot, which must be right, too, with the parts that the processors serve.
+fn robot(
+    keys: &Keys<'_, '_>,
+    robot: Option<&Spanned<String>>,
+    processors: &[processor::Read<'_, '_>],
+    own: &Own<'_>,
+) -> Option<PathBuf> {
+    let served = processors.iter().filter_map(|(common, ..)| common.served());
+    let served: Vec<_> = served.collect();
+    let place = served.first().map(|(_, parts)| parts.span());
+    let Some(robot) = robot else {
+        if let Some(place) = place {
+            keys.wrong(
+                &place,
+                "there is no robot: name its file by the key `robot`",
+            );
+        }
+        return None;
+    };
     let path = beside(own.file, robot.get_ref());
-    if let Err(error) = own.application.check_robot(&path) {
+    let checked = own.application.check_robot(&path, &[]);
+    if let Err(error) = checked {
         keys.wrong(&robot.span(), error);
+    } else if let Some(place) = place {
+        let parts = served.iter().flat_map(|(number, parts)| {
+            parts.get_ref().iter().map(|part| (*number, part.as_str()))
+        });
+        let parts: Vec<_> = parts.collect();
+        if let Err(error) = own.application.check_robot(&path, &parts) {
+            keys.wrong(&place, error);
+        }
     }
-    path
+    Some(path)
 }
 
 /// Reads the number of restarts of a service.

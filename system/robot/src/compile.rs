@@ -8,7 +8,7 @@ use std::string::String;
 use std::vec;
 use std::vec::Vec;
 
-use condor_hand::config::TextError;
+use condor_hand::config::{ControlProcessor, PROCESSORS, ProcessorKind, TextError};
 use condor_hand::grasp::distributed::GraspSettings;
 use condor_hand::trajectory::image::encode;
 use condor_hand::trajectory::motion::load;
@@ -60,18 +60,21 @@ pub fn joint_names(hand: &RobotDescription) -> Vec<String> {
         .collect()
 }
 
-/// Reads the text of the hand's configuration in the file `path`, and checks that the boards of the rack can serve the
-/// hand.
+/// Reads the text of the robot's configuration in the file `path`, gives each finger in `served` to the processor of
+/// that number, and has `check` check that the boards can serve the robot.
 ///
 /// # Errors
 /// Returns [`CompileError::Io`] if the file cannot be read; [`CompileError::Text`] if it has a mistake;
-/// [`CompileError::Whole`] if the boards cannot serve the robot, or if the name of a joint is too long.
+/// [`CompileError::Whole`] if the processors or the boards cannot serve the robot, or if the name of a joint is too
+/// long.
 pub fn read_robot(
     path: &Path,
+    served: &[(u8, &str)],
     check: impl FnOnce(&RobotDescription) -> Result<(), BoardError>,
 ) -> Result<RobotDescription, CompileError> {
     let text = read_text(path).map_err(io(path))?;
-    let robot = RobotDescription::from_toml(&text, &path.to_string_lossy())?;
+    let mut robot = RobotDescription::from_toml(&text, &path.to_string_lossy())?;
+    allocate(&mut robot, served).map_err(whole(path))?;
     check(&robot).map_err(whole(path))?;
     for name in joint_names(&robot) {
         let len = name.len();
@@ -84,6 +87,59 @@ pub fn read_robot(
         }
     }
     Ok(robot)
+}
+
+/// Gives fingers to the processors that serve them. A processor that is new to the robot's configuration is like the
+/// first one there that serves fingers; one that has lost all of its fingers leaves it.
+fn allocate(robot: &mut RobotDescription, served: &[(u8, &str)]) -> Result<(), String> {
+    if served.is_empty() {
+        return Ok(());
+    }
+    for (place, (number, name)) in served.iter().enumerate() {
+        if let Some((other, _)) = served.iter().take(place).find(|(_, it)| it == name) {
+            return Err(format!(
+                "processors {other} and {number} serve {name}; name it at one of them"
+            ));
+        }
+        let mut fingers = robot.fingers.iter_mut();
+        let Some(finger) = fingers.find(|finger| finger.name == **name) else {
+            let known = robot.fingers.iter().map(|finger| finger.name.as_str());
+            let known = known.collect::<Vec<_>>().join(", ");
+            return Err(format!("the robot has no finger `{name}`; it has {known}"));
+        };
+        for joint in &mut finger.joints {
+            joint.processor = *number;
+        }
+        if robot.processor(*number).is_none() {
+            let mut servos = robot.processors.iter();
+            let like = servos.find(|one| one.kind == ProcessorKind::Servo);
+            let like = like.ok_or("the robot's configuration has no processor of kind `servo`")?;
+            let number = *number;
+            let new = ControlProcessor {
+                number,
+                ..like.clone()
+            };
+            robot.processors.push(new).map_err(|new| {
+                format!(
+                    "{} processors are too many: give processor {} no finger",
+                    PROCESSORS + 1,
+                    new.number
+                )
+            })?;
+        }
+    }
+    let serves = |number| {
+        robot
+            .fingers
+            .iter()
+            .any(|finger| finger.processor() == Some(number))
+    };
+    let idle: Vec<_> = (robot.processors.iter())
+        .filter(|one| one.kind == ProcessorKind::Servo && !serves(one.number))
+        .map(|one| one.number)
+        .collect();
+    robot.processors.retain(|one| !idle.contains(&one.number));
+    robot.check().map_err(|mistake| mistake.to_string())
 }
 
 /// Compiles all texts of the hand for its programs, which read them through the file service. `hand` is the file of the
@@ -232,7 +288,7 @@ mod tests {
         let read = |finger: usize| {
             let name = format!("name = \"{}\"", "x".repeat(finger));
             fs::write(&path, text.replace("name = \"thumb\"", &name)).unwrap();
-            read_robot(&path, |_| Ok(()))
+            read_robot(&path, &[], |_| Ok(()))
         };
         // Behind it comes `.abduction`.
         assert!(read(54).is_ok());

@@ -7,7 +7,7 @@ use std::string::String;
 use std::vec::Vec;
 
 use condor_cli::{AnyError, Application, ProgramFunction, Programs};
-use condor_host::description::{Files, SystemDescription};
+use condor_host::description::{Files, SystemDescription, served};
 use condor_host::extension::Extension;
 use condor_host::robot::{MotionFiles, MotionSender, Robot};
 use condor_host::system::SystemDirectory;
@@ -86,7 +86,15 @@ impl RobotApplication {
     }
 
     fn read(&self, robot: &Path) -> Result<RobotDescription, CompileError> {
-        read_robot(robot, |robot| self.processes.check(robot))
+        self.read_served(robot, &[])
+    }
+
+    fn read_served(
+        &self,
+        robot: &Path,
+        served: &[(u8, &str)],
+    ) -> Result<RobotDescription, CompileError> {
+        read_robot(robot, served, |robot| self.processes.check(robot))
     }
 
     /// Executes the command line, and returns the exit status.
@@ -128,8 +136,8 @@ impl Application for RobotApplication {
         self.extensions
     }
 
-    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
-        self.read(robot)?;
+    fn check_robot(&self, robot: &Path, served: &[(u8, &str)]) -> Result<(), AnyError> {
+        self.read_served(robot, served)?;
         Ok(())
     }
 
@@ -172,7 +180,7 @@ impl Application for RobotApplication {
         };
         offers::clear(&files.root);
         Ok(compile_all(
-            &self.read(hand)?,
+            &self.read_served(hand, &served(&description.processors))?,
             &texts_of(files),
             &files.root,
         )?)
@@ -185,7 +193,8 @@ impl Application for RobotApplication {
     ) -> Result<(), AnyError> {
         let robot = description.robot.as_ref();
         let robot = robot.ok_or("the description of the system has no key `robot`")?;
-        summary::of(&self.read(robot)?, description, directory)
+        let robot = self.read_served(robot, &served(&description.processors))?;
+        summary::of(&robot, description, directory)
     }
 }
 

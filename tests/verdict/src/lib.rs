@@ -212,7 +212,7 @@ impl Observed {
 /// The set-points of fingers that follow must not jump.
 fn jumps(samples: &[Sample]) -> Result<Vec<String>, Box<dyn Error>> {
     let hand = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../condor-hand/hands/utah-mit.toml");
-    let hand = read_robot(&hand, |_| Ok(()))?;
+    let hand = read_robot(&hand, &[], |_| Ok(()))?;
     let tick_s = 1.0 / f64::from(hand.trajectory_hz);
     let mut wrong = Vec::new();
     for pair in samples.windows(2) {

@@ -219,6 +219,24 @@ fn is_continuous(seen: &Seen) {
 }
 
 #[test]
+fn in_the_shipped_motion_each_finger_stops_when_it_feels_the_ball() {
+    run(|typist| {
+        typist.begin();
+        typist.types("enable");
+        typist.wait(1.0);
+        typist.runs("open");
+        typist.runs("grasp");
+        typist.does("ball");
+        assert_eq!(typist.truth().touching, 0);
+        typist.runs("touch");
+        for finger in ["index", "middle", "ring", "thumb"] {
+            let said = format!(" N at {finger} has stopped a motion\n");
+            assert!(typist.shown.contains(&said), "{finger}: {}", typist.shown);
+        }
+    });
+}
+
+#[test]
 fn a_contact_stops_the_set_points_of_its_finger_within_three_ticks_at_any_speed() {
     for speed in ["0.1", "0.3", "1.0"] {
         run(|typist| {

@@ -17,6 +17,7 @@ mod lost_readings;
 mod memo;
 mod modes;
 mod motions;
+mod on_harts;
 mod ranges;
 mod replay;
 mod restarts;

@@ -30,17 +30,15 @@ fn outcome(output: &str) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// The shipped system with files of its own, whose services may be killed as often as one likes.
-pub(crate) fn describe(place: &Path, name: &str) -> PathBuf {
+/// The shipped system in `file` with a name and files of its own, whose services may be killed as often as one likes.
+pub(crate) fn describe(file: &str, place: &Path, name: &str) -> PathBuf {
     let package = Path::new(PACKAGE);
-    let hand = package.join("../../condor-hand/hands/utah-mit.toml");
-    let text = fs::read_to_string(package.join("system.toml")).unwrap();
-    let text = text
-        .replace("name = \"utah-mit-hand\"", &format!("name = \"{name}\""))
-        .replace(
-            "\"../../condor-hand/hands/utah-mit.toml\"",
-            &format!("{:?}", hand.display().to_string()),
-        );
+    let text = fs::read_to_string(package.join(file)).unwrap();
+    let (comment, rest) = text.split_once("\nname = \"").unwrap();
+    let (_, rest) = rest.split_once('"').unwrap();
+    let root = package.join("../..").display().to_string();
+    let rest = rest.replace("\"../..", &format!("\"{root}"));
+    let text = format!("{comment}\nname = \"{name}\"{rest}");
     let motions = package.join("motions");
     std::os::unix::fs::symlink(motions, place.join("motions")).unwrap();
     let description = place.join("system.toml");
@@ -60,7 +58,7 @@ impl Run {
         let file = fs::File::create(place.path().join("output")).unwrap();
         let supervisor = Command::new(env!("CARGO_BIN_EXE_utah-mit-hand"))
             .arg("up")
-            .arg(describe(place.path(), NAME))
+            .arg(describe("system.toml", place.path(), NAME))
             .args(["--headless", "--for", "10s"])
             .args(clock)
             .env("XDG_RUNTIME_DIR", place.path())

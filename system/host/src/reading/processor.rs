@@ -27,9 +27,15 @@ pub(super) struct Common {
     stall_seconds: u32,
     loop_times_us: Vec<u32>,
     may_ask: Vec<MayAsk>,
+    serves: Option<Spanned<Vec<String>>>,
 }
 
 impl Common {
+    /// Returns the number of the processor, and the parts of the robot that it serves, if it names some.
+    pub(super) fn served(&self) -> Option<(u8, &Spanned<Vec<String>>)> {
+        Some((self.number.as_ref()?.get_ref().0, self.serves.as_ref()?))
+    }
+
     pub(super) fn whole(self) -> Option<ProcessorEntry> {
         Some(ProcessorEntry {
             number: self.number?.get_ref().0,
@@ -44,6 +50,7 @@ impl Common {
             stall_seconds: self.stall_seconds,
             loop_times_us: self.loop_times_us,
             may_ask: self.may_ask,
+            serves: self.serves.map(Spanned::into_inner).unwrap_or_default(),
         })
     }
 }
@@ -78,6 +85,7 @@ pub(super) fn read<'a, 't>(
     let stall_seconds: Option<WholeNumber<_, 0, 86400>> = keys.get("stall_seconds");
     let headless = keys.get("headless");
     let may_ask = keys.get("may_ask");
+    let serves = keys.get("serves");
     let loop_times_us = loop_times(&mut keys);
     let entry = program.as_ref().and_then(|program| {
         if runs_here {
@@ -112,6 +120,7 @@ pub(super) fn read<'a, 't>(
         stall_seconds: stall_seconds.map_or(5, |seconds| seconds.0),
         loop_times_us,
         may_ask: may_ask.unwrap_or_default(),
+        serves,
     };
     (common, place, found)
 }

@@ -139,31 +139,42 @@ impl<'d> Orders<'d> {
         let processor = processor.ok_or("the request names no processor")?;
         match (operation, program) {
             (MayAsk::Restart, None) => Ok(ControlRequest::Restart { processor }),
-            (MayAsk::Load, Some(program)) if self.names(&program) => Ok(ControlRequest::Load {
-                processor,
-                program,
-                arguments,
-            }),
-            (MayAsk::Load, Some(program)) => Err(format!(
-                "a processor may load `self` and the programs that the description names, \
-                 not `{program}`; the command `load` may"
-            )),
+            (MayAsk::Load, Some(word)) => {
+                let program = self.named(&word).ok_or_else(|| {
+                    format!(
+                        "a processor may load `self` and the programs that the description names, \
+                         not `{word}`; the command `load` may"
+                    )
+                })?;
+                Ok(ControlRequest::Load {
+                    processor,
+                    program,
+                    arguments,
+                })
+            }
             (MayAsk::Restart, Some(word)) => Err(format!("`{word}` is one word too many")),
             (MayAsk::Load, None) => Err("the request names no program".into()),
         }
     }
 
-    /// Whether this is a program of the description: a processor gets no other file of the host to
-    /// run.
-    fn names(&self, program: &str) -> bool {
-        let beside = beside(self.file, program);
-        let found = [Some(beside), find_program(self.file, program).ok()];
+    /// Returns the program of the description that `word` names, by its path or by the name of its file. A processor
+    /// gets no other file of the host to run.
+    fn named(&self, word: &str) -> Option<String> {
+        if word == "self" {
+            return Some(word.to_owned());
+        }
+        let beside = beside(self.file, word);
+        let found = [Some(beside), find_program(self.file, word).ok()];
         let mut processors = self.processors.iter();
-        program == "self"
-            || processors.any(|processor| match &processor.program {
-                ProgramEntry::File(path) => found.iter().flatten().any(|it| it == path),
-                ProgramEntry::Own => false,
-            })
+        processors.find_map(|processor| match &processor.program {
+            ProgramEntry::File(path)
+                if path.file_name().is_some_and(|name| name == word)
+                    || found.iter().flatten().any(|it| it == path) =>
+            {
+                Some(path.to_str()?.to_owned())
+            }
+            _ => None,
+        })
     }
 
     /// Returns a request that has not begun, and notes that it begins.
@@ -285,15 +296,21 @@ mod tests {
         assert!(orders.next().is_none());
         let loaded = ask(&orders, 0, operation::LOAD, ["rest", this, "fast"]);
         assert_eq!((loaded.state, loaded.number), (state::PENDING, 1));
+        let (_, name) = this.rsplit_once('/').unwrap();
+        let asked = orders.next().map(|(_, asked)| asked);
+        let named = ask(&orders, 0, operation::LOAD, ["rest", name, "fast"]);
+        assert_eq!((named.state, named.number), (state::PENDING, 2));
         let restarted = ask(&orders, 1, operation::RESTART, ["files"]);
         assert_eq!((restarted.state, restarted.number), (state::PENDING, 1));
         let begun: Vec<_> = core::iter::from_fn(|| orders.next()).collect();
         assert_eq!(begun.len(), 2);
-        assert!(matches!(
-            &begun[0].1,
-            ControlRequest::Load { processor, program, arguments }
-                if processor == "rest" && program == this && *arguments == ["fast"]
-        ));
+        for asked in [asked.as_ref(), Some(&begun[0].1)] {
+            assert!(matches!(
+                asked,
+                Some(ControlRequest::Load { processor, program, arguments })
+                    if processor == "rest" && program == this && *arguments == ["fast"]
+            ));
+        }
     }
 
     #[test]

@@ -28,7 +28,10 @@ impl Application for Walker {
         self.0.run_program(program, arguments)
     }
 
-    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+    fn check_robot(&self, robot: &Path, served: &[(u8, &str)]) -> Result<(), AnyError> {
+        if let Some((number, part)) = served.iter().find(|(_, part)| *part != "leg") {
+            return Err(format!("processor {number} cannot serve {part}").into());
+        }
         match std::fs::read_to_string(robot) {
             Ok(text) if text.contains("legs") => Ok(()),
             _ => Err(format!("it has no legs: {}", robot.display()).into()),

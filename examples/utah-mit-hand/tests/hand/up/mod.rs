@@ -33,8 +33,18 @@ impl Up {
         speed: &str,
         change: impl FnOnce(String) -> String,
     ) -> Self {
+        Self::of("system.toml", name, speed, change)
+    }
+
+    /// Brings up the shipped system in `file`, with a changed description, at a speed as `--speed` has it.
+    pub(crate) fn of(
+        file: &str,
+        name: &'static str,
+        speed: &str,
+        change: impl FnOnce(String) -> String,
+    ) -> Self {
         let place = tempfile::tempdir_in("/dev/shm").unwrap();
-        let description = describe(place.path(), name);
+        let description = describe(file, place.path(), name);
         let text = std::fs::read_to_string(&description).unwrap();
         std::fs::write(&description, change(text)).unwrap();
         let mut supervisor = Command::new(env!("CARGO_BIN_EXE_utah-mit-hand"))

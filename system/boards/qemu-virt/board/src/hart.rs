@@ -31,6 +31,10 @@ static TIMERS: [Clint; HARTS] = [
     timer(5),
     timer(6),
     timer(7),
+    timer(8),
+    timer(9),
+    timer(10),
+    timer(11),
 ];
 
 /// The timer of a hart.

@@ -71,6 +71,10 @@ static HOOKS: OfHarts = OfHarts([
     Hooks::new(&MSIPS[5]),
     Hooks::new(&MSIPS[6]),
     Hooks::new(&MSIPS[7]),
+    Hooks::new(&MSIPS[8]),
+    Hooks::new(&MSIPS[9]),
+    Hooks::new(&MSIPS[10]),
+    Hooks::new(&MSIPS[11]),
 ]);
 
 /// Those of this hart, to be used while interrupts are masked.

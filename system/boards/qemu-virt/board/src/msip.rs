@@ -11,13 +11,16 @@ use crate::memory::{LEAST_BYTES, memory};
 /// As many as a machine has.
 pub(crate) const HARTS: usize = map::HARTS as usize;
 
+/// The harts, by their numbers.
+const NUMBERS: [u16; HARTS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+
 /// The doorbell of a hart among harts, by the numbers of harts.
 pub(crate) type Msip = MsipDoorbell<HARTS>;
 
 const fn msip(hart: u8) -> Msip {
     // SAFETY: the machine has a CLINT there, with registers for more harts than these; they stay in
     // machine mode, and protect nothing but their stacks. Each uses its own doorbell.
-    let bell = unsafe { Msip::new(CLINT, Processor(hart), [0, 1, 2, 3, 4, 5, 6, 7], MTIME_HZ) };
+    let bell = unsafe { Msip::new(CLINT, Processor(hart), NUMBERS, MTIME_HZ) };
     match bell {
         Some(bell) => bell,
         None => panic!("there are as many harts"),
@@ -33,6 +36,10 @@ pub(crate) static MSIPS: [Msip; HARTS] = [
     msip(5),
     msip(6),
     msip(7),
+    msip(8),
+    msip(9),
+    msip(10),
+    msip(11),
 ];
 
 /// Rings the hart that is this processor, if one is.

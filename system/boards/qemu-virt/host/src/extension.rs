@@ -158,7 +158,7 @@ fn harts(found: &mut ExtensionPart<'_, '_>) -> (Vec<Spanned<HartNumber>>, bool) 
     let mut is_right = true;
     for processor in &mut found.processors {
         let keys = &mut processor.keys;
-        let Some(hart) = keys.need("hart", "a whole number from 0 to 7") else {
+        let Some(hart) = keys.need("hart", "a whole number from 0 to 11") else {
             is_right = false;
             continue;
         };

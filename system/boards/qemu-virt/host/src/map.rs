@@ -10,7 +10,7 @@ pub const AT: u32 = 1 << 20;
 /// The number of bytes of a page. Every object in the map begins at a multiple of this.
 pub const PAGE: u32 = 4096;
 /// The greatest number of harts that a machine can have.
-pub const HARTS: u32 = 8;
+pub const HARTS: u32 = 12;
 /// The number of harts that can have a serial port, from hart 0 on: as many as the PCI bus has interrupts.
 pub const SERIAL_HARTS: u32 = 4;
 /// The number of bytes of the stack of a hart's program.
@@ -19,7 +19,7 @@ pub const STACK_BYTES: u32 = 512 * 1024;
 pub const GUARD_BYTES: u32 = PAGE;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CHRT");
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 mod word {
     pub(super) const MAGIC: u32 = 0;

@@ -104,7 +104,7 @@ fn mistakes_with_machines_are_told() {
         (
             "hart = 0",
             "",
-            "23:1: the key `hart` is missing here; it is a whole number from 0 to 7",
+            "23:1: the key `hart` is missing here; it is a whole number from 0 to 11",
             2,
         ),
         (
