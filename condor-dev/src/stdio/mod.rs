@@ -10,7 +10,7 @@
 //! #     fn read(&mut self, into: &mut [u8]) -> Result<usize, Self::Error> { self.0.read(into) }
 //! # }
 //! # impl embedded_io::Write for Port {
-//! #     fn write(&mut self, from: &[u8]) -> Result<usize, Self::Error> { self.1.write(from) }
+//! #     fn write(&mut self, from: &[u8]) -> Result<usize, Self::Error> { self.1.extend(from); Ok(from.len()) }
 //! #     fn flush(&mut self) -> Result<(), Self::Error> { Ok(()) }
 //! # }
 //! # let port = Port(b"open\nclose\n", Vec::new());
