@@ -84,10 +84,6 @@ pub enum IoError<E> {
     /// The device has nothing to read, or no room, at this moment.
     #[error("the device has nothing to read, or no room, at this moment; try again")]
     WouldBlock,
-    /// There is nothing more to read, as at the end of a file. Devices never return it; a
-    /// [`DeviceStream`](crate::stream::DeviceStream) reads 0 bytes.
-    #[error("the end of the input is reached")]
-    End,
     /// The device does not transfer this many bytes at a time.
     #[error(
         "the length {bytes} is not a multiple of {unit} bytes, which the device transfers at once"

@@ -47,10 +47,9 @@ pub struct Fd {
 }
 
 impl Fd {
-    /// Makes a descriptor from the index `number` and a generation. Only implementations of
-    /// [`Descriptors`](crate::stream::Descriptors) need this, for tables of their own. A
-    /// [`Switch`](crate::Switch) accepts the descriptor if it has one open with the same index and
-    /// generation.
+    /// Makes a descriptor from the index `number` and a generation. Only tables of
+    /// descriptors need this. A [`Switch`](crate::Switch) accepts the descriptor if it has one open with
+    /// the same index and generation.
     #[must_use]
     pub const fn new(number: u16, generation: u16) -> Self {
         Self {

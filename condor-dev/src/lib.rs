@@ -55,6 +55,7 @@ pub mod stream;
 
 // The machine.
 mod bus;
+mod claim;
 #[cfg(any(feature = "riscv", feature = "linux"))]
 #[allow(dead_code, reason = "what serves one feature may not serve the other")]
 mod guarded;
@@ -81,6 +82,7 @@ mod unit;
 mod interrupted;
 
 pub use bus::{Bus, BusAccessError, BusError, BusErrorKind, Registers, Width};
+pub use claim::{ClaimCell, ClaimGuard};
 pub use device::Device;
 pub use dispatch::InterruptEntry;
 pub use driver::{Attention, DeviceError, Driver};

@@ -4,7 +4,7 @@ use embedded_hal::i2c::{self, Error as _, I2c, NoAcknowledgeSource};
 use embedded_hal::spi::{Operation, SpiDevice};
 
 use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
-use crate::stdio::ClaimCell;
+use crate::claim::ClaimCell;
 
 /// A [`Bus`] of the registers of all parts on one I2C bus, over any controller that implements [`I2c`] of embedded-hal.
 ///

@@ -1,10 +1,6 @@
-//! [`DeviceStream`]: a descriptor with the traits of `embedded-io`, whose reads and writes wait for a
-//! bounded time.
+//! [`DeviceStream`]: a descriptor with the traits of `embedded-io`, whose reads and writes wait for a bounded time.
 
-use core::fmt;
-use core::hint::spin_loop;
-
-use embedded_io::{ErrorKind, ErrorType, Read, ReadReady, Write, WriteReady};
+use embedded_io::{ErrorKind, ErrorType, Read, Write};
 
 use crate::bus::{Bus, BusError, BusErrorKind};
 use crate::error::IoError;
@@ -13,202 +9,121 @@ use crate::interrupt::InterruptController;
 use crate::set::DeviceSet;
 use crate::switch::Switch;
 
-/// Reads and writes by descriptor, as a [`Switch`] makes them. A [`DeviceStream`] needs only this
-/// trait, so the type of the switch does not matter to it.
-///
-/// # For users
-/// `&dyn Descriptors<Error = …>` can stand for a switch whose full type is too long to write.
-///
-/// # For implementers
-/// [`Switch`] implements it. A program can implement it for descriptors of its own, or as a wrapper
-/// of a switch; [`Fd::new`] makes such descriptors. No call may wait for a device. A call that
-/// moves no bytes must return an error, unless the buffer is empty: at the end of a file that is
-/// [`IoError::End`].
+/// A [`Switch`] without its type: `&dyn Descriptors` can stand for any switch. Of an error of the bus, its methods
+/// return the kind.
 pub trait Descriptors {
-    /// The bus's error if an access fails.
-    type Error: BusError;
-
     /// Reads as [`Switch::read`] does.
     ///
     /// # Errors
-    /// [`IoError::WouldBlock`] if there is nothing to read; otherwise the [`IoError`] of the
-    /// descriptor, the device or the bus.
-    fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<Self::Error>>;
+    /// [`IoError::WouldBlock`] if there is nothing to read; otherwise the [`IoError`] of the descriptor, the device or
+    /// the bus.
+    fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<BusErrorKind>>;
 
     /// Writes as [`Switch::write`] does.
     ///
     /// # Errors
-    /// [`IoError::WouldBlock`] if there is no room; otherwise the [`IoError`] of the descriptor,
-    /// the device or the bus.
-    fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<Self::Error>>;
+    /// [`IoError::WouldBlock`] if there is no room; otherwise the [`IoError`] of the descriptor, the device or the bus.
+    fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<BusErrorKind>>;
 
-    /// Returns true if [`read`](Self::read) would read something, as [`Switch::read_ready`] does.
+    /// Returns true if all bytes that were written have left the device, as [`Switch::is_flushed`] does.
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
-    fn read_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
+    fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<BusErrorKind>>;
 
-    /// Returns true if [`write`](Self::write) would write something, as [`Switch::write_ready`]
-    /// does.
+    /// Closes a descriptor, as [`Switch::close`] does.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
-    fn write_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
-
-    /// Returns true if all bytes that were written have left the device, as [`Switch::is_flushed`]
-    /// does.
-    ///
-    /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
-    fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
+    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::Bus`] if the bus fails, though the descriptor is closed
+    /// all the same.
+    fn close(&self, fd: Fd) -> Result<(), IoError<BusErrorKind>>;
 }
 
 impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Descriptors
     for Switch<B, C, S, F>
 {
-    type Error = B::Error;
-
-    #[inline]
-    fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<B::Error>> {
-        self.read(fd, into)
+    fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<BusErrorKind>> {
+        self.read(fd, into).map_err(IoError::of_any_bus)
     }
 
-    #[inline]
-    fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<B::Error>> {
-        self.write(fd, from)
+    fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<BusErrorKind>> {
+        self.write(fd, from).map_err(IoError::of_any_bus)
     }
 
-    fn read_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        self.read_ready(fd)
+    fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<BusErrorKind>> {
+        self.is_flushed(fd).map_err(IoError::of_any_bus)
     }
 
-    fn write_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        self.write_ready(fd)
-    }
-
-    fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        self.is_flushed(fd)
+    fn close(&self, fd: Fd) -> Result<(), IoError<BusErrorKind>> {
+        self.close(fd).map_err(IoError::of_any_bus)
     }
 }
 
-/// Returns a `wait` function for [`DeviceStream::new`] that needs no clock: the stream tries
-/// `count` times without a pause, and then the call fails. With 0 it tries once, for contexts that
-/// must not wait.
-pub fn looks(count: u32) -> impl FnMut(u32) -> bool + Clone {
-    move |looks| {
-        spin_loop();
-        looks < count
-    }
-}
-
-/// Returns a `wait` function for [`DeviceStream::new`] with a time limit: a call of the stream
-/// fails when the device was not ready for `ticks` ticks of `clock` since its first attempt.
-///
-/// `clock` returns a count of ticks, which never runs backwards and may wrap as a `u32` does. The
-/// stream must then try at least once in 2³² ticks to notice the end of the time.
-pub fn timeout(mut clock: impl FnMut() -> u32, ticks: u32) -> impl FnMut(u32) -> bool {
-    let mut began = 0;
-    move |looks| {
-        spin_loop();
-        let now = clock();
-        if looks == 1 {
-            began = now;
+impl<E: BusError> IoError<E> {
+    fn of_any_bus(self) -> IoError<BusErrorKind> {
+        match self {
+            Self::Fd(error) => IoError::Fd(error),
+            Self::WouldBlock => IoError::WouldBlock,
+            Self::Length { bytes, unit } => IoError::Length { bytes, unit },
+            Self::Device(bits) => IoError::Device(bits),
+            Self::Bus(error) => IoError::Bus(error.kind()),
         }
-        now.wrapping_sub(began) < ticks
     }
 }
 
 /// The reason why a read, write or flush of a [`DeviceStream`] failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum DeviceStreamError<E: fmt::Debug> {
+pub enum DeviceStreamError {
     /// The device was not ready for as long as the [`DeviceStream`] waits. Nothing was moved.
     #[error("the device was not ready in time")]
     TimedOut,
-    /// The switch, the device or the bus returned this error; it is never [`IoError::WouldBlock`],
-    /// and from a read never [`IoError::End`].
+    /// The switch, the device or the bus returned this error; it is never [`IoError::WouldBlock`].
     #[error(transparent)]
-    Io(#[from] IoError<E>),
+    Io(#[from] IoError<BusErrorKind>),
 }
 
-impl<E: BusError> embedded_io::Error for DeviceStreamError<E> {
+impl embedded_io::Error for DeviceStreamError {
     fn kind(&self) -> ErrorKind {
-        match self {
-            Self::TimedOut => ErrorKind::TimedOut,
-            Self::Io(error) => error.kind(),
+        let Self::Io(error) = self else {
+            return ErrorKind::TimedOut;
+        };
+        use ErrorKind::{InvalidInput, NotConnected, Other, PermissionDenied};
+        match error {
+            IoError::Fd(FdError::Direction { .. }) => PermissionDenied,
+            IoError::Fd(FdError::Closed { .. }) => NotConnected,
+            IoError::Bus(BusErrorKind::NoAnswer | BusErrorKind::Lost) => NotConnected,
+            IoError::Length { .. } => InvalidInput,
+            _ => Other,
         }
     }
 }
 
-impl<E: BusError> embedded_io::Error for IoError<E> {
-    fn kind(&self) -> ErrorKind {
-        match self {
-            Self::Fd(FdError::Direction { .. }) => ErrorKind::PermissionDenied,
-            Self::Fd(FdError::Closed { .. }) => ErrorKind::NotConnected,
-            Self::Fd(FdError::WrongType { .. }) | Self::Length { .. } => ErrorKind::InvalidInput,
-            // The finding of a look that is not followed by another one.
-            Self::WouldBlock => ErrorKind::TimedOut,
-            Self::Fd(FdError::InUse { .. }) | Self::End | Self::Device(_) => ErrorKind::Other,
-            Self::Bus(error) => match error.kind() {
-                BusErrorKind::NoAnswer => ErrorKind::NotConnected,
-                BusErrorKind::Misaligned | BusErrorKind::OutOfRange => ErrorKind::InvalidInput,
-                BusErrorKind::ReadOnly => ErrorKind::PermissionDenied,
-                BusErrorKind::Lost => ErrorKind::ConnectionAborted,
-                _ => ErrorKind::Other,
-            },
-        }
-    }
-}
-
-/// An open descriptor of a switch with the traits of `embedded-io`. Reads, writes and flushes wait
-/// for the device for a limited time, and then fail with [`DeviceStreamError::TimedOut`].
+/// An open descriptor of a switch with the traits of `embedded-io`. Reads, writes and flushes wait for the device for a
+/// limited time, and then fail with [`DeviceStreamError::TimedOut`].
 ///
-/// The function of type `W` sets the limit. The stream calls it each time the device was not ready,
-/// with the number of attempts in this call so far; it returns true if the stream must try again.
-/// Use [`looks`], [`timeout`], or a function that sleeps until an interrupt. It must return false
-/// at some time.
+/// The function of type `W` sets the limit. The stream calls it each time the device was not ready; it returns true if
+/// the stream must try again, perhaps after a sleep until an interrupt. It must return false at some time. The limit
+/// applies to each call: `write_all` begins a new wait whenever the device has taken something.
 ///
-/// The limit applies to each call: `write_all` begins a new wait whenever the device has taken
-/// something. The readiness methods never wait.
-///
-/// A stream does not own its descriptor, which is a plain number: several streams may use one
-/// descriptor, and dropping them closes nothing. The part of the program that opened the descriptor
-/// closes it with [`Switch::close`]; from then on its streams fail with [`FdError::Closed`].
-#[derive(Debug)]
-pub struct DeviceStream<'s, S: ?Sized, W> {
-    switch: &'s S,
+/// A stream does not own its descriptor, which is a plain number: dropping the stream closes nothing. Once the
+/// descriptor is closed with [`Switch::close`], its streams fail with [`FdError::Closed`].
+pub struct DeviceStream<'s, W> {
+    switch: &'s dyn Descriptors,
     fd: Fd,
     wait: W,
 }
 
-impl<S: ?Sized, W: Clone> Clone for DeviceStream<'_, S, W> {
-    fn clone(&self) -> Self {
-        Self {
-            wait: self.wait.clone(),
-            ..*self
-        }
-    }
-}
-
-impl<'s, S: Descriptors + ?Sized, W: FnMut(u32) -> bool> DeviceStream<'s, S, W> {
-    /// Makes a stream of the descriptor `fd` of `switch`. `wait` decides how long reads, writes and
-    /// flushes wait; see [`DeviceStream`].
-    pub const fn new(switch: &'s S, fd: Fd, wait: W) -> Self {
+impl<'s, W: FnMut() -> bool> DeviceStream<'s, W> {
+    /// Makes a stream of the descriptor `fd` of `switch`. `wait` decides how long reads, writes and flushes wait.
+    pub const fn new(switch: &'s dyn Descriptors, fd: Fd, wait: W) -> Self {
         Self { switch, fd, wait }
     }
 
-    /// Returns the descriptor that this stream reads and writes.
-    #[must_use]
-    pub const fn fd(&self) -> Fd {
-        self.fd
-    }
-
     /// Tries until something is moved, or the wait is over.
-    #[inline]
     fn moved(
         &mut self,
-        mut attempt: impl FnMut(&S, Fd) -> Result<usize, IoError<S::Error>>,
-    ) -> Result<usize, DeviceStreamError<S::Error>> {
-        let mut looks = 0_u32;
+        mut attempt: impl FnMut(&dyn Descriptors, Fd) -> Result<usize, IoError<BusErrorKind>>,
+    ) -> Result<usize, DeviceStreamError> {
         loop {
             match attempt(self.switch, self.fd) {
                 // A driver that took nothing was not ready: `Ok(0)` would be taken for the end.
@@ -216,52 +131,36 @@ impl<'s, S: Descriptors + ?Sized, W: FnMut(u32) -> bool> DeviceStream<'s, S, W> 
                 Ok(bytes) => return Ok(bytes),
                 Err(error) => return Err(error.into()),
             }
-            looks = looks.saturating_add(1);
-            if !(self.wait)(looks) {
+            if !(self.wait)() {
                 return Err(DeviceStreamError::TimedOut);
             }
         }
     }
 }
 
-impl<S: Descriptors + ?Sized, W> ErrorType for DeviceStream<'_, S, W> {
-    type Error = DeviceStreamError<S::Error>;
+impl<W> ErrorType for DeviceStream<'_, W> {
+    type Error = DeviceStreamError;
 }
 
-impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Read for DeviceStream<'_, S, W> {
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, Self::Error> {
+impl<W: FnMut() -> bool> Read for DeviceStream<'_, W> {
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, DeviceStreamError> {
         if into.is_empty() {
             return Ok(0);
         }
-        match self.moved(|switch, fd| switch.read(fd, into)) {
-            Err(DeviceStreamError::Io(IoError::End)) => Ok(0),
-            outcome => outcome,
-        }
+        self.moved(|switch, fd| switch.read(fd, into))
     }
 }
 
-impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Write for DeviceStream<'_, S, W> {
-    fn write(&mut self, from: &[u8]) -> Result<usize, Self::Error> {
+impl<W: FnMut() -> bool> Write for DeviceStream<'_, W> {
+    fn write(&mut self, from: &[u8]) -> Result<usize, DeviceStreamError> {
         if from.is_empty() {
             return Ok(0);
         }
         self.moved(|switch, fd| switch.write(fd, from))
     }
 
-    fn flush(&mut self) -> Result<(), Self::Error> {
+    fn flush(&mut self) -> Result<(), DeviceStreamError> {
         let flushed = self.moved(|switch, fd| switch.is_flushed(fd).map(usize::from));
-        flushed.map(|_| ())
-    }
-}
-
-impl<S: Descriptors + ?Sized, W> ReadReady for DeviceStream<'_, S, W> {
-    fn read_ready(&mut self) -> Result<bool, Self::Error> {
-        Ok(self.switch.read_ready(self.fd)?)
-    }
-}
-
-impl<S: Descriptors + ?Sized, W> WriteReady for DeviceStream<'_, S, W> {
-    fn write_ready(&mut self) -> Result<bool, Self::Error> {
-        Ok(self.switch.write_ready(self.fd)?)
+        flushed.map(drop)
     }
 }

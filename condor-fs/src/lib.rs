@@ -17,12 +17,9 @@ pub mod hostile;
 mod client;
 mod errno;
 
-#[cfg(feature = "dev")]
-pub use client::dev;
 pub use client::{
     AllocationMode, Area, Buffer, BufferError, BufferResult, Directory, DirectoryEntry, File,
-    FileError, FileReader, FileSystem, FileTicket, FileWriter, OpenOptions, OperationResult,
-    Receipt, WriterError, WriterParts,
+    FileError, FileSystem, FileTicket, OpenOptions, OperationResult, Receipt,
 };
 /// The traits that files and buffers implement, so that a program needs no dependency on embedded-io.
 pub use embedded_io::{BufRead, Read, Seek, SeekFrom, Write};

@@ -1,5 +1,4 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
-#![cfg_attr(feature = "dev", doc = "[dev]: mod@dev")]
 #![cfg_attr(feature = "linux", doc = "[linux]: mod@linux")]
 //! [wire]: mod@layout
 //! [terminal]: Terminal
@@ -12,8 +11,6 @@
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Documents of their own.
-#[cfg(feature = "dev")]
-pub mod dev;
 // Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(all(feature = "hostile", not(condor_loom)))]
 #[doc(hidden)]

@@ -4,8 +4,8 @@ use core::f32::consts::TAU;
 
 use super::{As5600Model, Model, Pca9685Model};
 use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
+use crate::claim::ClaimCell;
 use crate::drivers::{As5600, Pca9685};
-use crate::stdio::ClaimCell;
 
 const FRICTION_NM_S: f32 = 0.05;
 const INERTIA_KG_M2: f32 = 0.01;

@@ -1,13 +1,13 @@
-//! [`BufReader`]: a buffered reader; and [`ReadLine`]: reads lines and pieces into the caller's
-//! memory.
+//! [`BufReader`]: a buffered reader.
 
-use core::fmt::Debug;
 use core::str;
 
-use embedded_io::{BufRead, ErrorKind, ErrorType, Read, ReadReady};
+use embedded_io::{ErrorType, Read, ReadExactError, Write};
 
-/// A buffered reader: it reads from `R` in pieces of up to `N` bytes, and passes the bytes on in
-/// pieces of any size.
+use super::to_front;
+
+/// A buffered reader: it reads from `R` in pieces of up to `N` bytes, and passes the bytes on in pieces of any size, or
+/// by lines. Bytes that are written to it go to `R` unchanged.
 ///
 /// An error of `R` is returned unchanged; bytes that were read before it can still be read.
 #[derive(Debug)]
@@ -16,6 +16,29 @@ pub struct BufReader<R, const N: usize> {
     buffer: [u8; N],
     begin: usize,
     end: usize,
+    /// True if the bytes up to the end of the line belong to a line that was refused.
+    skips: bool,
+}
+
+/// The reason why [`BufReader::read_line`] returned no line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LineError<E> {
+    /// The reader failed. The beginning of the line is kept, and the next call continues it.
+    #[error("{0}")]
+    Reader(E),
+    /// The line is longer than the caller's memory or the buffer, and is skipped. For a line of more than `N` bytes,
+    /// this error can come several times.
+    #[error("a line is longer than {room} bytes, and is skipped")]
+    TooLong {
+        /// The longest line that there is room for, in bytes.
+        room: usize,
+    },
+    /// The line is not UTF-8, and is skipped.
+    #[error("a line of {bytes} bytes is not UTF-8, and is skipped")]
+    NotUtf8 {
+        /// The length of the line in bytes.
+        bytes: usize,
+    },
 }
 
 impl<R, const N: usize> BufReader<R, N> {
@@ -28,19 +51,89 @@ impl<R, const N: usize> BufReader<R, N> {
             buffer: [0; N],
             begin: 0,
             end: 0,
+            skips: false,
         }
     }
 
-    /// Returns the bytes that were read from the reader behind the buffer and not yet passed on.
-    #[must_use]
-    pub fn held(&self) -> &[u8] {
+    /// Returns the reader behind the buffer.
+    pub const fn inner_mut(&mut self) -> &mut R {
+        &mut self.reader
+    }
+
+    /// Drops the buffer with all bytes that were not passed on, and returns the reader.
+    pub fn into_inner(self) -> R {
+        self.reader
+    }
+
+    fn held(&self) -> &[u8] {
         self.buffer.get(self.begin..self.end).unwrap_or_default()
     }
 
-    /// Returns the reader that this buffered reader reads from.
-    #[must_use]
-    pub const fn reader(&self) -> &R {
-        &self.reader
+    fn consume(&mut self, bytes: usize) {
+        self.begin = self.end.min(self.begin.saturating_add(bytes));
+    }
+}
+
+impl<R: Read, const N: usize> BufReader<R, N> {
+    /// Reads a line into `into`, and returns it with the byte that ends it; only the last line of an input may lack
+    /// that. Returns an empty text at the end of the input. `ends` returns true for a byte that ends a line.
+    ///
+    /// # Errors
+    /// [`LineError`] if the reader fails, the line is too long, or it is not UTF-8.
+    pub fn read_line<'l>(
+        &mut self,
+        ends: impl Fn(u8) -> bool,
+        into: &'l mut [u8],
+    ) -> Result<&'l str, LineError<R::Error>> {
+        let mut looked = 0;
+        loop {
+            let end = self.held().iter().skip(looked).position(|&byte| ends(byte));
+            let end = end.map(|at| looked + at + 1);
+            looked = self.held().len();
+            let bytes = match end {
+                Some(bytes) => bytes,
+                None if looked == N => {
+                    self.consume(N);
+                    self.skips = true;
+                    return Err(LineError::TooLong { room: N });
+                }
+                None if self.fill().map_err(LineError::Reader)? > 0 => continue,
+                None => looked,
+            };
+            if core::mem::take(&mut self.skips) {
+                self.consume(bytes);
+                looked = 0;
+                continue;
+            }
+            let room = into.len();
+            let Some(line) = into.get_mut(..bytes) else {
+                self.consume(bytes);
+                return Err(LineError::TooLong { room });
+            };
+            self.take(line);
+            return str::from_utf8(line).map_err(|_| LineError::NotUtf8 { bytes });
+        }
+    }
+
+    /// Reads more bytes behind those that are held; returns their number, which is 0 at the end of the input.
+    fn fill(&mut self) -> Result<usize, R::Error> {
+        to_front(&mut self.buffer, self.begin, self.end);
+        (self.begin, self.end) = (0, self.held().len());
+        let room = self.buffer.get_mut(self.end..).unwrap_or_default();
+        let read = self.reader.read(room)?.min(room.len());
+        self.end += read;
+        Ok(read)
+    }
+
+    /// Takes as many bytes as are held and have room; returns their number.
+    fn take(&mut self, into: &mut [u8]) -> usize {
+        let mut taken = 0;
+        for (place, byte) in into.iter_mut().zip(self.held()) {
+            *place = *byte;
+            taken += 1;
+        }
+        self.consume(taken);
+        taken
     }
 }
 
@@ -50,148 +143,31 @@ impl<R: ErrorType, const N: usize> ErrorType for BufReader<R, N> {
 
 impl<R: Read, const N: usize> Read for BufReader<R, N> {
     fn read(&mut self, into: &mut [u8]) -> Result<usize, R::Error> {
-        if self.held().is_empty() && into.len() >= N {
-            let read = self.reader.read(into)?;
-            return Ok(read.min(into.len()));
+        if self.held().is_empty() && !into.is_empty() {
+            self.fill()?;
         }
-        let read = copy(self.fill_buf()?, into);
-        self.consume(read);
-        Ok(read)
-    }
-}
-
-impl<R: Read, const N: usize> BufRead for BufReader<R, N> {
-    fn fill_buf(&mut self) -> Result<&[u8], R::Error> {
-        if self.begin >= self.end {
-            let read = self.reader.read(&mut self.buffer)?;
-            self.begin = 0;
-            self.end = read.min(N);
-        }
-        Ok(self.held())
+        Ok(self.take(into))
     }
 
-    /// Drops the first `bytes` of what is held, all if there are less.
-    fn consume(&mut self, bytes: usize) {
-        self.begin = self.end.min(self.begin.saturating_add(bytes));
-    }
-}
-
-impl<R: Read + ReadReady, const N: usize> ReadReady for BufReader<R, N> {
-    fn read_ready(&mut self) -> Result<bool, R::Error> {
-        Ok(!self.held().is_empty() || self.reader.read_ready()?)
-    }
-}
-
-/// As many bytes as both have.
-fn copy(from: &[u8], into: &mut [u8]) -> usize {
-    let count = from.len().min(into.len());
-    for (place, byte) in into.iter_mut().zip(from) {
-        *place = *byte;
-    }
-    count
-}
-
-/// The error of [`ReadLine::read_until`]: the reader failed before the delimiter was read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("reading failed after {read} bytes: {error}")]
-pub struct UntilError<E> {
-    /// The number of bytes read before, which are in the caller's memory; continue after them.
-    pub read: usize,
-    /// The reader's error.
-    pub error: E,
-}
-
-/// The reason why [`ReadLine::read_line`] returned no line. The bytes that it read are in the
-/// caller's memory; they are not read again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum LineError<E> {
-    /// The reader failed.
-    #[error("{0}")]
-    Reader(UntilError<E>),
-    /// The line is longer than the caller's memory; the next call reads the rest.
-    #[error("a line is longer than the buffer of {read} bytes")]
-    TooLong {
-        /// The number of bytes that were read: as many as there is room for.
-        read: usize,
-    },
-    /// The line was read, but is not UTF-8.
-    #[error("a line of {read} bytes is not UTF-8")]
-    NotUtf8 {
-        /// The number of bytes of the line.
-        read: usize,
-    },
-}
-
-impl<E: embedded_io::Error> embedded_io::Error for UntilError<E> {
-    fn kind(&self) -> ErrorKind {
-        self.error.kind()
-    }
-}
-
-impl<E: embedded_io::Error> embedded_io::Error for LineError<E> {
-    fn kind(&self) -> ErrorKind {
-        match self {
-            Self::Reader(error) => error.kind(),
-            Self::TooLong { .. } => ErrorKind::OutOfMemory,
-            Self::NotUtf8 { .. } => ErrorKind::InvalidData,
-        }
-    }
-}
-
-/// Methods that read line by line. Every [`BufRead`] has them.
-pub trait ReadLine: BufRead {
-    /// Reads into `into` up to and including `delimiter`, and returns the number of bytes. If the
-    /// last byte is not the delimiter, `into` is full or the input has ended.
-    ///
-    /// # Errors
-    /// [`UntilError`] with the reader's error and the number of bytes read before.
-    fn read_until(
-        &mut self,
-        delimiter: u8,
-        into: &mut [u8],
-    ) -> Result<usize, UntilError<Self::Error>> {
-        let mut read = 0;
-        while let Some(room @ [_, ..]) = into.get_mut(read..) {
-            let available = match self.fill_buf() {
-                Ok([]) => break,
-                Ok(available) => available,
-                Err(error) => return Err(UntilError { read, error }),
+    // The default of `embedded-io`, without its path that panics.
+    fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<R::Error>> {
+        let mut rest = into;
+        while !rest.is_empty() {
+            rest = match self.read(rest)? {
+                0 => return Err(ReadExactError::UnexpectedEof),
+                count => rest.get_mut(count..).unwrap_or_default(),
             };
-            let mut fitting = available.iter().take(room.len());
-            let found = fitting.position(|byte| *byte == delimiter);
-            let wanted = found.and_then(|at| available.get(..=at));
-            let count = copy(wanted.unwrap_or(available), room);
-            self.consume(count);
-            read += count;
-            if found.is_some() {
-                break;
-            }
         }
-        Ok(read)
-    }
-
-    /// Reads a line into `into`, and returns it with its newline; only the last line of an input
-    /// may lack it. At the end of the input it returns an empty text.
-    ///
-    /// # Errors
-    /// [`LineError`] if the reader fails, the line is too long, or it is not UTF-8.
-    fn read_line<'l>(&mut self, into: &'l mut [u8]) -> Result<&'l str, LineError<Self::Error>> {
-        let read = self.read_until(b'\n', into);
-        line(read, into)
+        Ok(())
     }
 }
 
-impl<R: BufRead + ?Sized> ReadLine for R {}
-
-/// The bytes that were read up to a newline, as a line.
-pub(super) fn line<E>(
-    read: Result<usize, UntilError<E>>,
-    into: &[u8],
-) -> Result<&str, LineError<E>> {
-    let read = read.map_err(LineError::Reader)?;
-    let line = into.get(..read).unwrap_or_default();
-    if read == into.len() && line.last() != Some(&b'\n') {
-        return Err(LineError::TooLong { read });
+impl<R: Write, const N: usize> Write for BufReader<R, N> {
+    fn write(&mut self, from: &[u8]) -> Result<usize, R::Error> {
+        self.reader.write(from)
     }
-    str::from_utf8(line).map_err(|_| LineError::NotUtf8 { read })
+
+    fn flush(&mut self) -> Result<(), R::Error> {
+        self.reader.flush()
+    }
 }

@@ -1,6 +1,6 @@
 //! A claimed value is one context's.
 
-use condor_dev::stdio::ClaimCell;
+use condor_dev::ClaimCell;
 
 #[test]
 fn threads_do_not_share_it() {

@@ -15,12 +15,10 @@ mod hostile;
 mod linux_bus;
 mod linux_i2c;
 mod linux_uio;
-mod output;
 mod parts;
 mod plic;
 mod ring;
 mod serial;
-mod standard;
 mod stream;
 mod switch;
 

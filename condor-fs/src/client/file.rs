@@ -20,22 +20,14 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Span, Times};
 /// file's buffer in shared memory; [`read_buffer`](Self::read_buffer) and
 /// [`write_buffer`](Self::write_buffer) do not copy.
 ///
-/// Every call asks the server once. [`reader`](Self::reader) and [`writer`](Self::writer) combine
-/// many small calls into few.
+/// Every call asks the server once. Buffers over a file, such as those of `condor-dev`, combine many
+/// small calls into few.
 ///
 /// After [`FileError::TimedOut`] the position moves by as many bytes as turn out to have been
 /// transferred: see [`FileSystem::settle`].
 pub struct File<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
     pub(super) index: usize,
-}
-
-#[cfg(feature = "dev")]
-impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
-    /// Returns the file that is open in a block.
-    pub(super) fn at(system: &'f FileSystem<'m, S, W, FILES>, index: usize) -> Self {
-        Self { system, index }
-    }
 }
 
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
@@ -320,22 +312,6 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         let deadline = system.clear(alone)?;
         let (request, after) = alone.prepare_transfer(operation, self.index, buffer, at)?;
         let done = system.perform_next(alone, &request, after, deadline)?;
-        Ok(moved(done.value, buffer))
-    }
-
-    /// Moves data for a reader or writer.
-    pub(super) fn transfer_ahead(&self, reads: bool, buffer: Span) -> Result<usize, FileError> {
-        let system = self.system;
-        let alone = system.enter()?;
-        let operation = if reads {
-            Operation::Read
-        } else {
-            alone.writing(self.index, None)?
-        };
-        let deadline = system.clear(&alone)?;
-        let (request, _) = alone.prepare_transfer(operation, self.index, buffer, None)?;
-        let after = After::Buffered { file: self.index };
-        let done = system.perform_next(&alone, &request, after, deadline)?;
         Ok(moved(done.value, buffer))
     }
 }

@@ -3,9 +3,6 @@
 mod answer;
 mod area;
 mod buffer;
-mod buffered;
-#[cfg(feature = "dev")]
-pub mod dev;
 mod directory;
 mod error;
 mod file;
@@ -20,7 +17,6 @@ mod whole;
 pub use answer::OperationResult;
 pub use area::Area;
 pub use buffer::{Buffer, BufferError, BufferResult};
-pub use buffered::{FileReader, FileWriter, WriterError, WriterParts};
 pub use directory::{Directory, DirectoryEntry};
 pub use error::{FileError, Receipt};
 pub use file::File;
@@ -211,9 +207,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// operation failed.
     ///
     /// Returns `None` if nothing is in doubt, or if the operation was only a part of a call:
-    /// [`open`](Self::open) also closes files that were dropped, [`File::seek`] from the end asks
-    /// for the size, and buffered readers and writers read ahead and flush. Repeat such a call;
-    /// readers and writers lose no byte by it.
+    /// [`open`](Self::open) also closes files that were dropped, and [`File::seek`] from the end asks
+    /// for the size. Repeat such a call.
     ///
     /// Every other call also waits first, but does not return that result.
     ///

@@ -86,6 +86,18 @@ impl OpenOptions {
         }
     }
 
+    /// Returns true if these options allow reading.
+    #[must_use]
+    pub const fn reads(self) -> bool {
+        self.flags & flag::READ != 0
+    }
+
+    /// Returns true if these options allow writing.
+    #[must_use]
+    pub const fn writes(self) -> bool {
+        self.flags & flag::WRITE != 0
+    }
+
     /// Returns the request of a ticket that opens `path`.
     pub(super) const fn ask(self, path: &[u8]) -> Ask<'_> {
         Ask::Open {
@@ -130,12 +142,6 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
             &mut [],
             TicketResult::file,
         )
-    }
-
-    /// Opens `path` in a free block, and returns the block's index.
-    #[cfg(feature = "dev")]
-    pub(super) fn open_block(&self, path: &[u8], options: OpenOptions) -> Result<usize, FileError> {
-        self.begin_open(path, options).done().map(File::into_index)
     }
 
     /// Takes a free block for the file to open, and writes to the window what the server needs.
@@ -197,11 +203,6 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub(super) fn is_left(&self, index: usize) -> bool {
         // Acquire: what was done with the file was done before it is closed.
         (self.left.get(index)).is_some_and(|flag| flag.load(Ordering::Acquire))
-    }
-
-    #[cfg(feature = "dev")]
-    pub(super) fn close_block(&self, index: usize) -> Result<(), FileError> {
-        FileTicket::new(self, Ask::Close(index), &mut [], drop).done()
     }
 
     /// As much of a file's own buffer as `len` bytes need.

@@ -48,10 +48,6 @@ pub(super) enum After {
     ReadAt {
         file: usize,
     },
-    /// Data were moved for a reader or writer, which keeps account by the position.
-    Buffered {
-        file: usize,
-    },
     /// The paths of open files begin with another name.
     Renamed {
         from: u32,
@@ -67,10 +63,7 @@ pub(super) enum After {
 impl After {
     /// Whether the operation is one that a call was made for: only then is its result that of the call.
     pub(super) const fn is_asked_for(self) -> bool {
-        !matches!(
-            self,
-            Self::Looked | Self::Dropped { .. } | Self::Buffered { .. }
-        )
+        !matches!(self, Self::Looked | Self::Dropped { .. })
     }
 }
 
@@ -453,10 +446,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 alone.change(file, |open| open.state = SessionState::Free);
                 self.set_left(file, false);
             }
-            (
-                After::Moved { file } | After::Read { file } | After::Buffered { file },
-                Some(done),
-            ) => {
+            (After::Moved { file } | After::Read { file }, Some(done)) => {
                 alone.change(file, |open| {
                     open.position = open.position.saturating_add(done.value);
                 });
@@ -475,7 +465,6 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 | After::Moved { .. }
                 | After::Read { .. }
                 | After::ReadAt { .. }
-                | After::Buffered { .. }
                 | After::Renamed { .. }
                 | After::Exchanged { .. },
                 _,

@@ -10,7 +10,7 @@ use crate::wire::{self, slot, state};
 use crate::{Buffer, Errno, File, FileError, OpenOptions};
 use condor_mbox::sim::{SimMailbox, SimWindow};
 use condor_mbox::{Allocator, MemoryWindow};
-use embedded_io::{BufRead, Read, SeekFrom, Write};
+use embedded_io::SeekFrom;
 
 use super::Source;
 use super::peer::{self, BUFFER, FILES, Fs, Own, PATH, Pair};
@@ -248,25 +248,11 @@ impl Program<'_> {
             }
             4 => drop(self.call(|| file.status())),
             5 => {
-                let mut reader = file.reader::<8>();
-                for _ in 0..len % 8 {
-                    let read = self.call(|| reader.read(&mut bytes[..len]));
-                    assert!(read.is_none_or(|read| read <= len));
-                    let held = self.call(|| Ok(reader.fill_buf()?.len()));
-                    assert!(held.is_none_or(|held| held <= 8));
-                    reader.consume(3);
-                }
-                return self.call(|| reader.into_inner());
+                let position = u64::from(source.word()) << 31;
+                let read = self.call(|| file.read_at(&mut bytes[..len], position));
+                assert!(read.is_none_or(|read| read <= len));
             }
-            6 => {
-                let mut writer = file.writer();
-                for _ in 0..len % 8 {
-                    let taken = self.call(|| writer.write(&bytes[..len]));
-                    assert!(taken.is_none_or(|taken| taken <= len));
-                    assert!(writer.held() <= BUFFER);
-                }
-                return self.call(|| writer.into_inner().map_err(|unwritten| unwritten.error));
-            }
+            6 => drop(self.call(|| file.write_at(&bytes[..len], u64::MAX))),
             7 | 8 => {
                 if let Some(buffer) = lent.take() {
                     let len = len as u32 * 2;

@@ -1,10 +1,8 @@
 //! File operations, kills of the server at every step, confinement, and hostile peers.
 
 mod appends;
-mod buffered;
 mod crash_points;
 mod deadly;
-mod dev;
 mod doubt;
 mod escapes;
 mod hostile_peers;

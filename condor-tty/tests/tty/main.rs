@@ -2,7 +2,6 @@
 #![cfg(not(condor_loom))]
 
 mod cooked;
-mod dev;
 mod editor;
 mod host;
 mod hostile;

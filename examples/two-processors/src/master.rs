@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use condor_rt::{Background, Machine, Messenger as _, OpenOptions, Program, ProgramError, Setup};
+use condor_rt::{Background, Buffering, Machine, Messenger as _, OpenOptions, Program};
+use condor_rt::{ProgramError, STDIN, Setup, StdioError};
 
 use crate::{MOVE, SERVO};
 
@@ -19,20 +20,21 @@ impl Program for Master {
 }
 
 fn lead<M: Machine>(background: &Background<'_, M>) -> Result<(), ProgramError> {
-    let (mut text, mut line) = ([0; 256], [0; 16]);
+    let mut line = [0; 16];
     let files = background.files()?;
-    let mut file = files.open("moves", OpenOptions::new().read())?;
-    let count = file.read(&mut text)?;
-    let moves = str::from_utf8(text.get(..count).unwrap_or_default());
-    let mut moves = moves.unwrap_or_default().split_whitespace();
+    let mut stdio = background.stdio().with_files(&files);
+    let moves = stdio.open_file("moves", OpenOptions::new().read(), Buffering::None)?;
     // One angle of the file in two seconds.
-    for pass in (0..20).cycle() {
-        let typed = background.read_line(&mut line, PATIENCE)?;
+    for pass in (0..=20).cycle() {
+        let from = if pass == 0 { moves } else { STDIN };
+        let next = match stdio.read_line(from, &mut line, PATIENCE) {
+            Err(StdioError::Line { .. }) => continue,
+            next => next?,
+        };
         if background.is_stopping() {
             break;
         }
-        let next = typed.or_else(|| (pass == 0).then(|| moves.next())?);
-        let Some(Ok(angle)) = next.map(str::parse::<i32>) else {
+        let Some(Ok(angle)) = next.map(|line| line.trim().parse::<i32>()) else {
             continue;
         };
         let mailbox = background.mailbox();

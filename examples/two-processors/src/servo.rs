@@ -1,13 +1,15 @@
 //! The servo: holds the joint where it was told to, with a motor driver and an angle sensor on I2C.
 
 use core::f32::consts::TAU;
+use core::mem;
 use core::sync::atomic::{AtomicI32, Ordering::Relaxed};
 use core::time::Duration;
 
 use condor_dev::drivers::{As5600, Pca9685};
 use condor_dev::sim::{I2c, SimJoint};
 use condor_dev::{I2cBus, Location, NoInterrupts, OpenMode, Switch, device_switch};
-use condor_rt::{Machine, Param, Program, ProgramError, Rate, Setup, Var};
+use condor_rt::{Buffering, Machine, OpenOptions, Param, Program, ProgramError, Rate};
+use condor_rt::{Setup, Var, Write as _};
 
 use crate::panel::{Panel, Ports};
 use crate::{MOVE, WHERE};
@@ -33,8 +35,9 @@ impl Program for Servo {
         let i2c = I2cBus::new(I2c(&joint));
         let boards = Switch::<_, _, _, 2>::new(i2c, NoInterrupts, Boards::new());
         boards.start();
-        let ports = Switch::new(machine.bus(), machine.interrupt_controller(), Ports::new());
-        let mut panel = Panel::new(&ports)?;
+        let ports =
+            Switch::<_, _, _, 1>::new(machine.bus(), machine.interrupt_controller(), Ports::new());
+        ports.start();
         let motor = boards.open_typed(Boards::motor, 0, OpenMode::WRITE)?;
         let sensor = boards.open_typed(Boards::sensor, 0, OpenMode::READ)?;
 
@@ -44,6 +47,7 @@ impl Program for Servo {
         let (target, place, mut last) = (AtomicI32::new(0), AtomicI32::new(0), 0.0);
         Setup::new(machine)?
             .console()?
+            .files()?
             .on(MOVE, "move", &|call| {
                 target.store(call.data() as i32, Relaxed);
                 place.load(Relaxed) as u32
@@ -72,13 +76,26 @@ impl Program for Servo {
                 tick.print(format_args!("joint at {} mrad\r\n", place.load(Relaxed)));
             })
             .background(|background| {
+                let files = background.files()?;
+                let mut stdio = background.stdio().with_files(&files);
+                let panel = Panel::open(&mut stdio, &ports)?;
+                let options = OpenOptions::new().append().create();
+                let log = stdio.open_file("servo.log", options, Buffering::Line)?;
+                let mut logged = 0;
                 while !background.is_stopping() {
                     background.serve(LOOK)?;
-                    while let Some(angle) = panel.angle(place.load(Relaxed)) {
+                    while let Some(angle) = panel.angle(&mut stdio, place.load(Relaxed)) {
                         target.store(angle, Relaxed);
                     }
+                    let (at, angle) = (place.load(Relaxed), target.load(Relaxed));
+                    if mem::replace(&mut logged, angle) != angle {
+                        let noted = writeln!(stdio.stream(log)?, "from {at} to {angle} mrad");
+                        if let Err(error) = noted.map_err(ProgramError::from) {
+                            background.print(format_args!("{error}\r\n"));
+                        }
+                    }
                 }
-                Ok(())
+                Ok(stdio.close(log)?)
             })
     }
 }

@@ -1,5 +1,7 @@
 //! Both programs in virtual time.
 
+use std::fs;
+use std::path::Path;
 use std::time::Duration;
 
 use condor_rt::{Machine as _, Messenger as _, Processor, ProgramError, sim};
@@ -7,8 +9,12 @@ use two_processors::{Master, SERVO, Servo, WHERE};
 
 #[test]
 fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
+    let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join("files");
+    fs::create_dir_all(&root).unwrap();
+    fs::copy("files/moves", root.join("moves")).unwrap();
+    fs::write(root.join("servo.log"), "").unwrap();
     let mut system = sim::VirtualSystem::new(65536)?;
-    system.files(concat!(env!("CARGO_MANIFEST_DIR"), "/files"))?;
+    system.files(&root)?;
     system.spawn(Processor(0), &Master)?;
     system.spawn(SERVO, &Servo)?;
     system.host(Processor(20), |machine| {
@@ -24,5 +30,7 @@ fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
         Ok::<_, ProgramError>(())
     })?;
     system.run_until(5_000_000_000)?;
+    let log = fs::read_to_string(root.join("servo.log")).unwrap();
+    assert!(log.starts_with("from 0 to 500 mrad\n"), "{log}");
     Ok(())
 }

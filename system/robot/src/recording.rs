@@ -29,7 +29,8 @@
 
 use core::fmt;
 
-use condor_fs::FileError;
+use condor_dev::stdio::WriteError;
+use condor_fs::{Errno, FileError};
 use condor_hand::grasp::distributed::GraspInputs;
 use condor_mcap::McapError;
 use thiserror::Error;
@@ -192,6 +193,15 @@ pub enum ServoRecordingError {
         /// The first output that differs, with its counts.
         difference: Difference,
     },
+}
+
+impl From<WriteError<FileError>> for ServoRecordingError {
+    fn from(error: WriteError<FileError>) -> Self {
+        Self::File(match error {
+            WriteError::Writer(error) => error,
+            WriteError::Zero => Errno::IO.into(),
+        })
+    }
 }
 
 struct FoundVersion<'a>(&'a Option<u32>);

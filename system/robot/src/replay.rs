@@ -15,7 +15,8 @@
 
 use core::fmt::Write as _;
 
-use condor_fs::{Errno, FileSystem, FileWriter, OpenOptions};
+use condor_dev::stdio::{BufReader, BufWriter, Buffering};
+use condor_fs::{Errno, File, FileSystem, OpenOptions};
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::grasp::distributed::FingerControllers;
 use condor_hand::servo::FingerReadings;
@@ -33,8 +34,8 @@ use crate::recording::{Difference, Fnv, Row, Rows, ServoOutputs, ServoRecordingE
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
 use crate::{JOINTS, Mechanism, RobotDescription, start};
 
-/// Bytes of the recording that are read at once.
-const READ: usize = 256;
+/// Bytes that are read or written at once.
+const AT_ONCE: usize = 4096;
 /// The bytes of the name under which outputs are written.
 const HALF_BYTES: usize = 256;
 
@@ -76,7 +77,8 @@ impl<'r, M: Machine> Replaying<'r, M> {
         };
         let recording = files.open(from, OpenOptions::new().read());
         let recording = recording.map_err(|error| reading(error.into()))?;
-        let (head, mut rows) = Rows::new(recording.reader::<READ>()).map_err(reading)?;
+        let (head, mut rows) =
+            Rows::new(BufReader::<_, AT_ONCE>::new(recording)).map_err(reading)?;
         let number = u8::try_from(head.processor).unwrap_or(u8::MAX);
         let configured_hz = rate_hz(self.hand, number);
         if head.rate_hz != configured_hz {
@@ -131,10 +133,11 @@ impl<'r, M: Machine> Replaying<'r, M> {
         };
         if to.is_some() {
             let written = write!(sink.half, "{}.half", sink.name);
-            written.map_err(|_| sink.failed(Errno::NAMETOOLONG.into()))?;
+            written.map_err(|_| sink.failed(condor_fs::FileError::from(Errno::NAMETOOLONG)))?;
             let options = OpenOptions::new().write().create().truncate();
             let file = files.open(&*sink.half, options);
-            sink.writer = Some(file.map_err(|error| sink.failed(error))?.writer());
+            let file = file.map_err(|error| sink.failed(error))?;
+            sink.writer = Some(BufWriter::new(file, Buffering::Block));
         }
         Ok(sink)
     }
@@ -146,7 +149,7 @@ struct Sink<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow> {
     name: &'m str,
     /// The file's name until it is complete.
     half: heapless::String<HALF_BYTES>,
-    writer: Option<FileWriter<'f, 'm, S, W, FILES>>,
+    writer: Option<BufWriter<File<'f, 'm, S, W, FILES>, AT_ONCE>>,
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow + Clone> Sink<'_, '_, S, W> {
@@ -159,11 +162,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow + Clone> Sink<'_, '_, S, W> {
     }
 
     fn close(mut self) -> Result<(), Failure> {
-        let Some(writer) = self.writer.take() else {
+        let Some(mut writer) = self.writer.take() else {
             return Ok(());
         };
+        writer.flush().map_err(|error| self.failed(error))?;
         let file = writer.into_inner();
-        let file = file.map_err(|unwritten| self.failed(unwritten.error))?;
         let named = file
             .sync()
             .and_then(|()| file.close())
@@ -171,7 +174,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow + Clone> Sink<'_, '_, S, W> {
         named.map_err(|error| self.failed(error))
     }
 
-    fn failed(&self, error: condor_fs::FileError) -> Failure {
+    fn failed(&self, error: impl Into<ServoRecordingError>) -> Failure {
         Failure::Recording {
             name: ShortText::of(&self.name),
             error: error.into(),

@@ -414,14 +414,8 @@ impl<'r, W: MemoryWindow + Clone> Recording<'r, W> {
         let options = OpenOptions::new().write().create().truncate();
         let file = files.open(self.file, options);
         let file = file.map_err(|error| self.failed(error.into()))?;
-        Tape::new(
-            file.writer(),
-            self.head,
-            self.own.clone(),
-            self.offset,
-            self.ring,
-        )
-        .map_err(|error| self.failed(error))
+        Tape::new(file, self.head, self.own.clone(), self.offset, self.ring)
+            .map_err(|error| self.failed(error))
     }
 
     fn failed(&self, error: ServoRecordingError) -> Failure {

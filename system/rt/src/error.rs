@@ -9,6 +9,7 @@ use condor_tty::TerminalError;
 use condor_vars::CatalogError;
 use embedded_io::WriteFmtError;
 
+use crate::descriptors::StdioError;
 use crate::numbers::MISTAKE;
 use crate::objects::ObjectError;
 use crate::text::ShortText;
@@ -33,6 +34,9 @@ pub enum ProgramError {
     /// The file service or its client returned this error.
     #[error(transparent)]
     Files(#[from] condor_fs::FileError),
+    /// A call of the table of descriptors failed.
+    #[error(transparent)]
+    Stdio(#[from] StdioError),
     /// A board, a device on the bus, could not be opened.
     #[error(transparent)]
     Open(#[from] OpenError<'static>),
@@ -117,6 +121,16 @@ pub enum ProgramError {
 impl From<WriteFmtError<condor_fs::FileError>> for ProgramError {
     fn from(error: WriteFmtError<condor_fs::FileError>) -> Self {
         Self::Files(error.into())
+    }
+}
+
+/// The error of `write!` and `writeln!` to a stream.
+impl From<WriteFmtError<StdioError>> for ProgramError {
+    fn from(error: WriteFmtError<StdioError>) -> Self {
+        match error {
+            WriteFmtError::Other(error) => Self::Stdio(error),
+            WriteFmtError::FmtError => Self::Files(condor_fs::FileError::Format),
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
 //! [error]: enum@ProgramError
 //! [setup]: Setup
+//! [stdio]: Stdio
 //! [program]: Program
 //! [machine]: Machine
 //!
@@ -13,11 +14,13 @@
 pub mod mistakes {}
 
 // A program.
+mod descriptors;
 mod error;
 mod list;
 mod running;
 mod servo;
 mod setup;
+mod stdio;
 mod text;
 mod variables;
 
@@ -60,11 +63,13 @@ pub mod linux;
 pub mod sim;
 
 // The items of the crates below that most programs need, so that they depend on this one alone.
+pub use condor_dev::stdio::Buffering;
 pub use condor_fs::{OpenOptions, Read, Seek, SeekFrom, Write};
 pub use condor_mbox::{Messenger, Processor, Vector};
 pub use condor_mos::{Latest, Rate};
 pub use condor_vars::{Param, Params, Var, Vars};
 
+pub use descriptors::{DESCRIPTORS, Descriptor, STDERR, STDIN, STDOUT, StdioCause, StdioError};
 pub use error::ProgramError;
 pub use interrupts::Interrupts;
 pub use lines::{BoardLines, FIRST_LINE, LineState, Raiser, SERIAL, SERIAL_VECTOR};
@@ -74,5 +79,6 @@ pub use running::{Background, ConsoleOf, FILES, FilesOf, HandlerCall, LoopTick};
 pub use servo::{LOOPS, ServoLoop, on_one_stack};
 pub use setup::{HANDLERS, LoopFunction, MessageHandler, Setup, users};
 pub use silent::Silent;
+pub use stdio::{Stdio, Stream};
 pub use text::ShortText;
 pub use variables::VARIABLES;

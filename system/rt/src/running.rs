@@ -14,7 +14,6 @@ use condor_mbox::{Allocator, Messenger, Processor, Region, Vector};
 use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
 use condor_tty::Terminal;
 use condor_vars::{Param, Tune as _};
-use embedded_io::{Read as _, ReadReady as _};
 
 use crate::error::ProgramError;
 use crate::interrupts::Interrupts;
@@ -30,8 +29,6 @@ const TYPED: usize = 128;
 pub const FILES: usize = 4;
 /// The time that the file service may take, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(30);
-/// The time between two checks for a typed line.
-const LOOK: Duration = Duration::from_millis(20);
 /// The time between two reports of the counts of the loops, in nanoseconds.
 const REPORT_NS: u64 = 50_000_000;
 
@@ -163,35 +160,6 @@ impl<'b, M: Machine> Background<'b, M> {
             // The terminal counts the text for which it has no room.
             let _ = console.console(self.mailbox).write_fmt(text);
         }
-    }
-
-    /// Waits at most `time` until a line is typed, and serves messages meanwhile. Returns the line without blanks at
-    /// its ends, or `None` if no line was typed. If the line is longer than `into`, returns the part that fits; the
-    /// next call returns the rest. Returns an empty line at the end of the input, if the terminal cannot be read, or if
-    /// the line (or the part that fits) is not valid UTF-8.
-    ///
-    /// # Errors
-    /// [`ProgramError::Missing`] if the program has no terminal; [`ProgramError::Mailbox`] or [`ProgramError::Access`]
-    /// if the processor's own memory cannot be accessed.
-    pub fn read_line<'l>(
-        &self,
-        into: &'l mut [u8],
-        time: Duration,
-    ) -> Result<Option<&'l str>, ProgramError> {
-        let mut console = self.console()?.console(self.mailbox);
-        let bell = self.machine.doorbell();
-        let end = bell.now().after(time);
-        while !console.read_ready().unwrap_or(false) {
-            let left = end.ns_since(bell.now());
-            if left == 0 {
-                return Ok(None);
-            }
-            // A ring that came just before the wait is not waited for longer.
-            self.serve(Duration::from_nanos(left).min(LOOK))?;
-        }
-        let typed = console.read(into).unwrap_or(0);
-        let typed = str::from_utf8(into.get(..typed).unwrap_or_default());
-        Ok(Some(typed.unwrap_or_default().trim()))
     }
 
     /// Connects to the file service, and returns a client with which the background opens the

@@ -21,9 +21,9 @@ const SETS: [(&str, &str); 3] = [
     ),
     (
         "-p condor-dev -p condor-fs -p condor-hand -p condor-mbox -p condor-mos -p condor-tty",
-        "--features condor-dev/conformance,condor-dev/models,condor-dev/riscv,condor-fs/dev,condor-hand/sim,\
+        "--features condor-dev/conformance,condor-dev/models,condor-dev/riscv,condor-hand/sim,\
          condor-mbox/async,condor-mbox/conformance,condor-mbox/riscv,condor-mos/conformance,\
-         condor-mos/cortex-m,condor-mos/riscv,condor-tty/dev",
+         condor-mos/cortex-m,condor-mos/riscv",
     ),
     (
         "-p two-processors -p utah-mit-boards",

@@ -26,6 +26,8 @@ use crate::tools::{need_qemu, need_target};
 
 /// The name of the project, and of its systems.
 const NAME: &str = "template-check";
+/// The name of the system in simulated time.
+const SIMULATED: &str = "template-check-simulated";
 /// The name of a project that begins with a robot.
 const ROBOT: &str = "robot-check";
 /// Lines that the robot may have: its description and its program.
@@ -69,7 +71,9 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
     robot.cargo("cargo test --offline").run()?;
     let project = make(context, outside, NAME, &[])?;
     project.cargo("cargo test --offline").run()?;
+    let simulated = project.simulated()?;
     project.bring_up("condor.toml", NAME, true)?;
+    project.bring_up(simulated, SIMULATED, false)?;
 
     need_target(context, HARTS_TARGET)?;
     let image = format!("{NAME}-hart");
@@ -148,13 +152,41 @@ impl Project<'_> {
         self.ask(&["vars", "set", "joint.stiffness", "4", "--system", system])?;
         self.ask(&["vars", "set", "report.hz", "5", "--system", system])?;
         self.until_at(system, -400)?;
+        self.logged(" to -400 mrad\n")?;
         panel.moves()?;
+        self.logged(" to 250 mrad\n")?;
         if kills {
             self.kill_servo(system)?;
             self.until_at(system, 200)?;
         }
         self.ask(&["down", "--system", system])?;
         up.ended()
+    }
+
+    /// Waits until the servo has written `line` to its log, which is empty then.
+    fn logged(&self, line: &str) -> Result<()> {
+        let (path, begun) = (self.directory.join("files/servo.log"), Instant::now());
+        loop {
+            let log = fs::read_to_string(&path).unwrap_or_default();
+            if log.contains(line) {
+                return Ok(fs::write(path, "")?);
+            }
+            if begun.elapsed() > PATIENCE {
+                return Err(format!("{} has no line {line:?}: {log:?}", path.display()).into());
+            }
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Writes the description of the same system in simulated time; returns the name of the file.
+    fn simulated(&self) -> Result<&'static str> {
+        const FILE: &str = "simulated.toml";
+        let text = fs::read_to_string(self.directory.join("condor.toml"))?;
+        let simulated = text
+            .replace("# [clock]\n# kind", "[clock]\nkind")
+            .replace(&format!("\"{NAME}\""), &format!("\"{SIMULATED}\""));
+        fs::write(self.directory.join(FILE), simulated)?;
+        Ok(FILE)
     }
 
     /// Has the joint move until it is there.

@@ -4,7 +4,9 @@ use core::time::Duration;
 
 use condor_rt::numbers::{REQUESTS, SUPERVISOR};
 use condor_rt::supervisor::{Supervisor, SupervisorError, SupervisorTicket};
-use condor_rt::{Background, Machine, Messenger as _, Processor, Program, ProgramError, Setup};
+use condor_rt::{
+    Background, Machine, Messenger as _, Processor, Program, ProgramError, STDIN, Setup,
+};
 
 const SOON: Duration = Duration::from_secs(60);
 
@@ -17,9 +19,10 @@ impl Program for Asker {
         setup.console()?.supervisor()?.background(|background| {
             background.print(format_args!("ready\n"));
             let mut supervisor = background.supervisor()?;
-            let mut line = [0; 256];
+            let (mut stdio, mut line) = (background.stdio(), [0; 256]);
             while !background.is_stopping() {
-                let typed = background.read_line(&mut line, Duration::from_millis(50))?;
+                let typed = stdio.read_line(STDIN, &mut line, Duration::from_millis(50))?;
+                let typed = typed.map(str::trim);
                 let Some(typed) = typed.filter(|line| !line.is_empty()) else {
                     continue;
                 };

@@ -1,18 +1,22 @@
 //! [`Tape`]: the ring of a recording goes into its file.
 
-use condor_fs::FileWriter;
+use condor_dev::stdio::{BufWriter, Buffering};
+use condor_fs::File;
 use condor_mbox::{AccessError, MemoryWindow, Messenger, Region};
 use condor_mcap::{McapWriter, MessageHead};
+use embedded_io::Write as _;
 
 use super::record::{Ring, TapeState};
 use super::{Head, ServoRecordingError, channel};
 
+/// Bytes that are written to the file at once.
+const WRITTEN: usize = 4096;
 /// Bytes that are taken out of the ring at once.
 const PIECE: usize = 512;
 
 /// The file of a recording, in the background of a servo processor.
 pub(crate) struct Tape<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    file: McapWriter<FileWriter<'f, 'm, S, W, FILES>>,
+    file: McapWriter<BufWriter<File<'f, 'm, S, W, FILES>, WRITTEN>>,
     rate_hz: u32,
     /// The number of the tick whose messages come next.
     tick: u32,
@@ -26,14 +30,14 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     Tape<'f, 'm, 'r, S, W, FILES>
 {
     pub(crate) fn new(
-        file: FileWriter<'f, 'm, S, W, FILES>,
+        file: File<'f, 'm, S, W, FILES>,
         head: Head,
         region: Region<W>,
         offset: u32,
         ring: &'r Ring,
     ) -> Result<Self, ServoRecordingError> {
         Ok(Self {
-            file: head.write(file)?,
+            file: head.write(BufWriter::new(file, Buffering::Block))?,
             rate_hz: head.rate_hz,
             tick: 0,
             region,
@@ -68,8 +72,9 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
             self.begin(channel::END, size_of_val(&ticks))?;
             self.file.records(&ticks.to_le_bytes())?;
         }
-        let file = self.file.end()?;
-        file.close().map_err(|unwritten| unwritten.error)?;
+        let mut file = self.file.end()?;
+        file.flush()?;
+        file.into_inner().close()?;
         if is_lost {
             return Err(ServoRecordingError::Behind { ticks });
         }

@@ -14,4 +14,5 @@ mod sim_conforms;
 mod sim_files;
 #[cfg(feature = "sim")]
 mod small;
+mod stdio;
 mod terminal;

@@ -1,12 +1,14 @@
 //! The switch over boards that are memory: what is written to a register is read from it.
 
-use core::fmt::{Display as _, Write as _};
+use core::fmt::{self, Display as _};
 
 use condor_dev::drivers::Uart16550;
+use condor_dev::stream::{DeviceStream, DeviceStreamError};
 use condor_dev::{
     Bus as _, BusAccessError, FdError, IoError, Location, Mmio, NoInterrupts, OpenError, OpenMode,
     Presence, Switch, device_switch,
 };
+use embedded_io::{Read as _, Write as _};
 use firmware::{Checks, Console, keep};
 use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp};
 
@@ -39,7 +41,7 @@ pub(crate) fn boards(checks: &mut Checks) {
     checks.group("boards that are memory");
     checks.same(identify(MEMORY.bus()), Ok(()));
     SWITCH.start();
-    let told = write!(Console, "{}", SWITCH.inventory());
+    let told = fmt::Write::write_fmt(&mut Console, format_args!("{}", SWITCH.inventory()));
     checks.same(told, Ok(()));
     let absent = OpenError::NotPresent {
         name: ":adc",
@@ -58,7 +60,10 @@ pub(crate) fn boards(checks: &mut Checks) {
     let both = OpenMode::READ | OpenMode::WRITE | OpenMode::EXCLUSIVE;
     if let Ok(fd) = SWITCH.open(":uart", 0, both) {
         checks.same(SWITCH.read(fd, &mut [0]), Err(IoError::WouldBlock));
-        checks.same(SWITCH.write(fd, &[7; 20]), Ok(16));
+        let mut port = DeviceStream::new(&SWITCH, fd, || false);
+        checks.same(port.read(&mut [0]), Err(DeviceStreamError::TimedOut));
+        checks.same(port.write(&[7; 20]), Ok(16));
+        checks.same(port.flush(), Err(DeviceStreamError::TimedOut));
         checks.same(SWITCH.close(fd), Ok(()));
         checks.that(SWITCH.close(fd).is_err());
     }
@@ -96,5 +101,6 @@ fn kept() {
         OpenError<'_>: fmt;
         FdError: fmt;
         IoError<BusAccessError>: fmt;
+        DeviceStreamError: fmt;
     }
 }

@@ -1,7 +1,8 @@
 //! Files of the host, over the processor's mailbox.
 
+use condor_dev::stdio::{BufReader, BufWriter, Buffering};
 use condor_fs::{Errno, File, FileError, FileSystem, OpenOptions};
-use embedded_io::SeekFrom;
+use embedded_io::{SeekFrom, Write as _};
 use firmware::Checks;
 
 use crate::ends::{Ends, FILES, ends};
@@ -39,5 +40,16 @@ pub(crate) fn files(checks: &mut Checks, system: &System) -> Result<(), FileErro
     let mut bytes = [0; 6];
     let read = run.begin_read_at(&mut bytes, 0).wait(PATIENCE);
     checks.same((read, &bytes), (Ok(6), b"tendon"));
-    run.close()
+    File::seek(&mut run, SeekFrom::Start(0))?;
+    let lines = BufReader::<_, 16>::new(run);
+    let mut both = BufWriter::<_, 16>::new(lines, Buffering::Line);
+    let mut line = [0; 16];
+    let long = both.inner_mut().read_line(|byte| byte == b'\n', &mut line);
+    checks.same(long.ok(), None);
+    let end = both.inner_mut().read_line(|byte| byte == b'\n', &mut line);
+    checks.same(end.ok(), Some(""));
+    checks.same(both.write(b"slack"), Ok(5));
+    checks.same(both.held(), b"slack");
+    checks.same(both.write(b" again\n").is_ok() && both.held().is_empty(), true);
+    both.into_inner().into_inner().close()
 }

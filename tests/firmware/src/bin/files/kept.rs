@@ -4,11 +4,10 @@ use core::fmt::{Display as _, Write as _};
 use core::future::Future as _;
 use core::hint::black_box;
 
-use condor_dev::BusErrorKind;
-use condor_fs::dev::{FileOpenError, TransferError};
+use condor_dev::stdio::{BufReader, BufWriter, LineError, WriteError};
 use condor_fs::{
-    Buffer, BufferError, Directory, Errno, File, FileError, FileReader, FileStatus, FileTicket,
-    FileWriter, OpenOptions, OperationResult, Space, Times, WriterError,
+    Buffer, BufferError, Directory, Errno, File, FileError, FileStatus, FileTicket, OpenOptions,
+    OperationResult, Space, Times,
 };
 use condor_mbox::CriticalSection;
 use condor_tty::{
@@ -19,18 +18,17 @@ use firmware::keep;
 
 use crate::ends::FILES;
 use crate::files::System;
-use crate::switch::{Devices, Files};
 use crate::{Mail, Tty, Window};
 
 type Opened = File<'static, 'static, Mail, Window, FILES>;
-type Reader = FileReader<'static, 'static, Mail, Window, FILES, 8>;
-type Writer = FileWriter<'static, 'static, Mail, Window, FILES>;
+type Reader = BufReader<Opened, 16>;
+type Writer = BufWriter<Reader, 16>;
 type Ticket<T> = FileTicket<'static, 'static, 'static, Mail, Window, FILES, T>;
 type Screen = Console<'static, Window, CriticalSection, Mail, 16>;
 type Post = Poster<'static, Window, CriticalSection, Mail, 16>;
 
 pub(crate) fn kept() {
-    black_box([named as *const (), by_descriptors as *const ()]);
+    black_box(named as *const ());
     keep! {
         System: connect, set_timeout, wait_for_turn, settle, in_doubt, take_buffer, space, ticket;
         Ticket<usize>: wait, poll;
@@ -42,12 +40,9 @@ pub(crate) fn kept() {
         Buffer<Window>: new;
         Opened: read_at, write_at, read_buffer, read_buffer_at, write_buffer, write_buffer_at,
             position, status, set_mode, set_times, truncate, sync, next_data, next_hole, allocate,
-            begin_read, begin_write, begin_close, writer;
+            begin_read, begin_write, begin_close;
         Directory<'_, '_, Mail, Window, FILES>: next, rewind, sync, status, close;
-        Reader: position, into_inner, fill_buf, consume;
-        Writer: into_inner, into_parts, close;
-        Devices: read_ready, write_ready, is_flushed;
-        Files<'_>: open, close;
+        Writer: drain;
         Tty: new, receive, accept, configure, settings, set_policy, policy, take_interrupt,
             attached, unread, written, lost, ignored, overlong;
         Screen: fill_buf, consume, read_ready, write_ready, write_str;
@@ -62,8 +57,6 @@ pub(crate) fn kept() {
     writes::<Screen>();
     writes::<Post>();
     seeks::<Opened>();
-    seeks::<Reader>();
-    seeks::<Writer>();
     errors();
 }
 
@@ -84,9 +77,8 @@ fn errors() {
         Errno: fmt;
         FileError: fmt;
         BufferError<Window>: fmt;
-        WriterError<Writer>: fmt;
-        FileOpenError<'_>: fmt;
-        TransferError<BusErrorKind>: fmt;
+        LineError<FileError>: fmt;
+        WriteError<FileError>: fmt;
         TerminalError: fmt;
         TerminalReaderError: fmt;
         ConsoleError: fmt;
@@ -96,7 +88,7 @@ fn errors() {
 /// Makes each call with a name.
 fn named(system: &System, path: &[u8], times: Times) -> Result<(), FileError> {
     let opened = system.open(path, OpenOptions::new().read().mode(0o600))?;
-    opened.reader::<8>().into_inner()?.close()?;
+    opened.close()?;
     system.status(path)?;
     system.set_mode(path, 0o600)?;
     system.set_times(path, times)?;
@@ -108,12 +100,4 @@ fn named(system: &System, path: &[u8], times: Times) -> Result<(), FileError> {
     system.rename_new(path, path)?;
     system.exchange(path, path)?;
     system.open_directory(path)?.close()
-}
-
-/// Makes the calls of a switch that end in those of its files.
-fn by_descriptors(files: &Files<'_>, path: &[u8]) -> Result<(), FileError> {
-    let fd = files.open_file(path, OpenOptions::new().read())?;
-    black_box(files.with_system(System::in_doubt));
-    black_box(files.with_file(fd, |file| file.position()).is_ok());
-    Ok(())
 }

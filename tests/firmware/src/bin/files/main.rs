@@ -9,7 +9,6 @@ mod ends;
 mod files;
 mod host;
 mod kept;
-mod switch;
 mod terminals;
 
 use core::error::Error;
@@ -55,8 +54,7 @@ fn main() -> ! {
 fn exercise(checks: &mut Checks) -> Result<(), Told> {
     let (ends, system) = files::connect(checks)?;
     files::files(checks, &system)?;
-    terminals::terminals(checks, ends)?;
-    switch::switch(checks, ends, system)
+    terminals::terminals(checks, ends)
 }
 
 /// Checks the stack that all of it takes, including that of the checks and the host's end.

@@ -8,7 +8,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 /// context fails at once; nothing waits.
 ///
 /// ```
-/// use condor_dev::stdio::ClaimCell;
+/// use condor_dev::ClaimCell;
 ///
 /// static COUNT: ClaimCell<u32> = ClaimCell::new(1);
 ///
