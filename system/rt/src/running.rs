@@ -353,7 +353,8 @@ impl<'b, M: Machine> Background<'b, M> {
         }
         if let Some(loops) = self.loops {
             for (number, report) in (0..).zip(reports) {
-                report.publish(&loops.statistics(LoopId(number))?)?;
+                let id = LoopId(number);
+                report.publish(&loops.statistics(id)?, &loops.histograms(id)?.into())?;
             }
         }
         Ok(())

@@ -9,7 +9,9 @@ use serde::Serialize;
 use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::counts::{self, LastLook, Row, note_of_loops, table_of_interrupts, table_of_loops};
+use crate::counts::{
+    self, LastLook, Row, note_of_loops, table_of_interrupts, table_of_loops, table_of_percentiles,
+};
 use crate::screen;
 use condor_host::control::ClockStatus;
 use condor_host::error::AnyError;
@@ -84,9 +86,10 @@ impl Top {
         let more = if self.once || repaint { "" } else { "\n" };
         let clock = clock.map_or_else(String::new, |clock| format!("{clock}\n"));
         let (table, note) = (table_of_loops(loops), note_of_loops(loops));
+        let percentiles = table_of_percentiles(loops);
         let interrupts = table_of_interrupts(interrupts);
         print(format_args!(
-            "{clear}{clock}{table}{note}{interrupts}{more}"
+            "{clear}{clock}{table}{note}{percentiles}{interrupts}{more}"
         ))
     }
 }

@@ -70,7 +70,17 @@ fn processors_and_their_loops_are_shown() {
     assert!(servo["reached_hz"].as_f64().unwrap() > 0.0, "{servo}");
     assert!(servo["worst_run_us"].as_f64().unwrap() > 0.0, "{servo}");
     let table = text(&up, &["top", "--once", "--every", "100ms"]);
-    assert_eq!(table.lines().count(), 5, "{table}");
+    assert_eq!(table.lines().count(), 15, "{table}");
+    let late = &servo["lateness_percentiles_us"];
+    assert!(late["p50"].as_f64() <= late["p99_9"].as_f64(), "{servo}");
+    assert!(
+        late["p99_9"].as_f64() <= servo["worst_lateness_us"].as_f64(),
+        "{servo}"
+    );
+    assert!(
+        servo["run_percentiles_us"]["p50"].as_f64().unwrap() > 0.0,
+        "{servo}"
+    );
 }
 
 #[test]

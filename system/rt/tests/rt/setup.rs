@@ -95,8 +95,9 @@ fn a_program_is_what_its_setup_says() {
             let find = |name, kind| objects::find(&region, name, kind).unwrap().unwrap();
             find("console", objects::ObjectKind::Terminal);
             let slow = find("slow", objects::ObjectKind::Loop);
-            let counts = loops::read(&region, &slow)?.unwrap();
+            let (counts, times) = loops::read(&region, &slow)?.unwrap();
             assert!(counts.run > 20, "{counts}");
+            assert!(times.runs.total() > 20);
             let angle: Subscriber<u32, _> =
                 Published::at(find("angle", objects::ObjectKind::Other).offset)
                     .subscriber(region.clone())?;
@@ -323,7 +324,7 @@ fn what_loops_show_is_watched_and_set() {
 
             let counts = || {
                 let rest = objects::find(&joint, "rest", objects::ObjectKind::Loop).unwrap();
-                loops::read(&joint, &rest.unwrap()).unwrap().unwrap()
+                loops::read(&joint, &rest.unwrap()).unwrap().unwrap().0
             };
             assert!(!counts().enabled);
             let table = VariableTable::open(&joint, rest.1).unwrap();
