@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::control::Member;
+use condor_host::description::ProcessorEntry;
 use condor_host::plain::plain;
 use condor_host::view::{
     BoardInterrupts, LoopRates, LoopSample, Percentiles, VectorCounts, View, ViewError,
@@ -218,6 +219,42 @@ pub(crate) fn table_of_percentiles(rows: &[Row<LoopRates>]) -> String {
     } else {
         format!("\n{table}")
     }
+}
+
+/// Says where loops do otherwise than the description declares.
+pub(crate) fn beyond_declared(
+    rows: &[Row<LoopRates>],
+    processors: &[ProcessorEntry],
+) -> Vec<String> {
+    let mut beyond = Vec::new();
+    for processor in processors {
+        let of = &processor.name;
+        let there = || rows.iter().filter(|row| row.processor == *of);
+        for declared in &processor.servo_loops {
+            let name = &declared.name;
+            let Some(Row { counts, .. }) = there().find(|row| row.counts.name == *name) else {
+                if there().next().is_some() {
+                    beyond.push(format!(
+                        "{of}: its program has no loop `{name}`, which `servo_loops` declares"
+                    ));
+                }
+                continue;
+            };
+            let (hz, us) = (declared.hz, declared.worst_us);
+            if counts.rate_hz > f64::from(hz) {
+                let now = counts.rate_hz;
+                beyond.push(format!(
+                    "{of}: `{name}` is set to {now} Hz, but `servo_loops` declares {hz} Hz"
+                ));
+            }
+            if let Some(worst) = counts.worst_run_us.filter(|worst| *worst > us.into()) {
+                beyond.push(format!(
+                    "{of}: `{name}` took {worst:.1} µs, but `servo_loops` declares {us} µs: correct `worst_us`, then `condor check`"
+                ));
+            }
+        }
+    }
+    beyond
 }
 
 fn tenths(value: f64) -> String {
