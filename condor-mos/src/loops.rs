@@ -3,6 +3,7 @@
 use crate::error::{LoopError, StartError};
 use crate::process::LoopId;
 use crate::rate::Rate;
+use crate::record::Histograms;
 use crate::runner::Runner;
 use crate::scope::Scope;
 use crate::statistics::Statistics;
@@ -138,7 +139,14 @@ pub trait Loops: Runner + Sync {
     /// kept.
     fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError>;
 
-    /// Sets the counts and times of a loop to 0.
+    /// Returns the distributions of the lateness and the run times of a loop so far, in ticks.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::NoStatistics`] unless
+    /// [`Histograms`] are kept.
+    fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError>;
+
+    /// Sets the counts and times of a loop to 0, also in its distributions.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop.

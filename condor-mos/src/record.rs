@@ -26,6 +26,11 @@ pub(crate) trait Record: Copy + Send + 'static {
     fn change(&mut self, released: u64);
 
     fn counts(&self) -> Counts;
+
+    /// None if only counts are kept.
+    fn histograms(&self) -> Option<Histograms> {
+        None
+    }
 }
 
 /// The choice of no statistics: a scheduler counts and measures nothing, which saves readings of
@@ -145,7 +150,7 @@ impl Record for Counts {
 }
 
 /// The choice of full statistics: [`Counts`], and the distributions of a loop's lateness and run
-/// times, which [`Scheduler::histograms`](crate::Scheduler::histograms) returns.
+/// times, which [`Loops::histograms`](crate::Loops::histograms) returns.
 #[derive(Clone, Copy, Debug)]
 pub struct Histograms {
     counts: Counts,
@@ -202,18 +207,34 @@ impl Record for Histograms {
     fn counts(&self) -> Counts {
         self.counts
     }
+
+    fn histograms(&self) -> Option<Histograms> {
+        Some(*self)
+    }
 }
 
 /// The distribution of a measured time in ticks: how many measurements fall into each of 64
 /// classes. There are two classes for each power of two, so a time is known to within half of
 /// itself. A count stays at 2^32 - 1 when it reaches that.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Histogram {
     classes: [u32; 64],
 }
 
 impl Histogram {
-    pub(crate) const NEW: Self = Self { classes: [0; 64] };
+    pub(crate) const NEW: Self = Self::new([0; 64]);
+
+    /// Makes the distribution with these counts of the classes, the shortest times first.
+    #[must_use]
+    pub const fn new(classes: [u32; 64]) -> Self {
+        Self { classes }
+    }
+
+    /// Returns the counts of the classes, the shortest times first.
+    #[must_use]
+    pub const fn classes(&self) -> &[u32; 64] {
+        &self.classes
+    }
 
     /// The class of a time: its highest bit, and the bit behind that.
     #[inline]

@@ -491,16 +491,8 @@ impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Sche
             let number = state.number(id)?;
             Ok::<_, LoopError>(state.schedule.begin_change(number, rate)?)
         })?;
-        loop {
-            match self
-                .with_state(|state| (state.schedule.continue_change(), state.schedule.clock()))
-            {
-                (Ok(true), _) => return Ok(()),
-                (Ok(false), _) => {}
-                // Counted here, since that takes its time.
-                (Err(set), clock) => return Err(EventTable::<L, E>::too_many(&set, clock).into()),
-            }
-        }
+        while !self.with_state(|state| state.schedule.continue_change()) {}
+        Ok(())
     }
 
     fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
@@ -508,6 +500,14 @@ impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Sche
             let number = state.number(id)?;
             let statistics = state.statistics(number);
             statistics.ok_or(LoopError::NoStatistics { id })
+        })
+    }
+
+    fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            let histograms = state.histograms(number);
+            histograms.ok_or(LoopError::NoStatistics { id })
         })
     }
 
@@ -579,19 +579,6 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Runner for Scheduler<
             self.begin_fastest(section, now)
         });
         self.run_nested::<false>(begun);
-    }
-}
-
-impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms> {
-    /// Returns the distributions of the lateness and the run times of the loop `id` so far, in ticks.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`] if there is no such loop.
-    pub fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
-        self.with_state(|state| {
-            let number = state.number(id)?;
-            state.record(number).ok_or(state.no_such(id))
-        })
     }
 }
 

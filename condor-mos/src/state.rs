@@ -4,7 +4,7 @@ use crate::body::LoopBody;
 use crate::error::LoopError;
 use crate::instant::CounterReading;
 use crate::process::{LoopId, Overrun, Process};
-use crate::record::Record;
+use crate::record::{Histograms, Record};
 use crate::schedule::{EventTable, ScheduleEvent};
 use crate::statistics::Statistics;
 
@@ -443,6 +443,7 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
             frequency: self.schedule.clock().frequency(),
             enabled: self.enabled >> rank & 1 != 0,
             faulted: process.faulted,
+            computed: E > 0 && self.schedule.is_scan(),
             released: counts.run() + counts.skipped + running + pending,
             run: counts.run(),
             skipped: counts.skipped,
@@ -467,9 +468,10 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
         }
     }
 
-    pub(crate) fn record(&self, number: usize) -> Option<K> {
+    /// A loop's distributions; `None` if none are kept.
+    pub(crate) fn histograms(&self, number: usize) -> Option<Histograms> {
         let process = self.processes.get(self.rank(number)? as usize)?;
-        Some(process.record)
+        process.record.histograms()
     }
 
     /// Counts begin anew.

@@ -31,6 +31,9 @@ pub struct Statistics {
     pub enabled: bool,
     /// Whether the loop was disabled by an overrun or, in a thread, by a panic.
     pub faulted: bool,
+    /// Whether each instant is computed when it is due, because the event table has no room for the
+    /// rates of the loops; see [`EventTable::or_scan`](crate::EventTable::or_scan).
+    pub computed: bool,
     /// The number of releases of the loop.
     pub released: u64,
     /// The number of finished runs.

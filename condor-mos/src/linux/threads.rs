@@ -262,18 +262,6 @@ impl<K: Keep> Threads<K> {
     }
 }
 
-impl Threads<Histograms> {
-    /// Returns the distributions of the lateness and the run times of the loop `id` so far, in
-    /// nanoseconds.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`] if there is no such loop.
-    pub fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
-        let record = self.0.slot(id)?.thread.lock().state.record(0);
-        record.ok_or(LoopError::NoStatistics { id })
-    }
-}
-
 impl<K: Keep> Shared<K> {
     fn slot(&self, id: LoopId) -> Result<&Slot<K>, LoopError> {
         let loops = self.loops.len() as u8;
@@ -400,6 +388,11 @@ impl<K: Keep> Loops for Threads<K> {
             .state
             .statistics(0)
             .ok_or(LoopError::NoStatistics { id })
+    }
+
+    fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
+        let histograms = self.0.slot(id)?.thread.lock().state.histograms(0);
+        histograms.ok_or(LoopError::NoStatistics { id })
     }
 
     fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError> {

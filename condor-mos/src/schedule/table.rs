@@ -21,7 +21,7 @@ const MOST_COUNTED: usize = 1 << 15;
 /// is divided by entries at which no loop is due.
 ///
 /// A changed rate takes effect at the beginning of a later hyperperiod, one at which no loop is
-/// unfinished.
+/// unfinished. If the table has no room for the new rates, the schedule is a [`Scan`] from then on.
 ///
 /// ```
 /// use condor_mos::{ClockSpec, EventTable, Rate};
@@ -259,7 +259,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
             while matches!(this.change, Change::Building) {
                 this.add_entry();
             }
-            if matches!(this.change, Change::Ready) {
+            if this.halves[0].len > 0 {
                 this.active = 0;
                 this.begin = 0;
                 // The beginning of a hyperperiod carries the first tick.
@@ -310,7 +310,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     }
 
     /// Returns the reason why there is no table for a set.
-    pub(crate) const fn too_many(set: &Set<L>, clock: ClockSpec) -> RateError {
+    const fn too_many(set: &Set<L>, clock: ClockSpec) -> RateError {
         RateError::TooManyEvents {
             needed: needed(set, clock),
             capacity: E,
@@ -329,7 +329,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         self.change = Change::Building;
     }
 
-    /// Adds an entry for the wanted rates; abandons the change if there is no place.
+    /// Adds an entry for the wanted rates. If there is no place, they are ready without a table.
     const fn add_entry(&mut self) {
         let spare = self.active & 1 ^ 1;
         let len = self.halves[spare].len;
@@ -339,7 +339,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         let half = &mut self.halves[spare];
         if len >= E {
             half.len = 0;
-            self.change = Change::None;
+            self.change = Change::Ready;
             return;
         }
         self.entries[spare][len] = event;
@@ -434,6 +434,14 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
             self.active = self.active & 1 ^ 1;
             self.begin = self.active * E;
             self.end = self.begin + self.halves[self.active & 1].len;
+            if self.begin == self.end {
+                // No room: from the beginning of this hyperperiod on, events are computed.
+                self.halves = [Half::NONE; 2];
+                (self.begin, self.end) = (2 * E, 2 * E);
+                if let Ok(grids) = Grids::new(&self.wanted, self.clock) {
+                    self.grids = grids;
+                }
+            }
         } else if let Ok(mut grids) = Grids::new(&self.wanted, self.clock) {
             grids.take_over(&self.wanted, &self.grids, &self.set);
             self.grids = grids;
@@ -468,31 +476,23 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
             self.change = Change::Ready;
             return Ok(());
         }
-        let cycle = wanted.cycle(self.clock);
-        let cycle = cycle.ok_or_else(|| Self::too_many(&wanted, self.clock))?;
         (self.wanted, self.grids) = (wanted, grids);
-        self.begin_half(cycle);
+        if let Some(cycle) = wanted.cycle(self.clock) {
+            self.begin_half(cycle);
+        } else {
+            self.halves[self.active & 1 ^ 1].len = 0;
+            self.change = Change::Ready;
+        }
         self.repeats = false;
         Ok(())
     }
 
     /// Does a short piece of what a change needs, and says whether everything is ready.
-    ///
-    /// # Errors
-    /// The set that does not fit; then all that was asked for is forgotten.
-    pub(crate) fn continue_change(&mut self) -> Result<bool, Set<L>> {
-        if self.change != Change::Building {
-            return Ok(true);
+    pub(crate) fn continue_change(&mut self) -> bool {
+        if self.change == Change::Building {
+            self.add_entry();
         }
-        self.add_entry();
-        match self.change {
-            Change::None => {
-                self.note_repeats();
-                Err(self.wanted)
-            }
-            Change::Building => Ok(false),
-            Change::Ready => Ok(true),
-        }
+        self.change != Change::Building
     }
 
     /// Returns true if rates that were asked for have not taken effect yet.

@@ -156,19 +156,42 @@ fn loops_for_good_end_with_their_threads() {
 }
 
 #[test]
-fn rates_from_outside_have_a_table_or_a_scan_or_an_error() {
+fn rates_from_outside_have_a_table_or_a_scan_or_an_error() -> Result<(), LoopError> {
     let hertz = Rate::hz(1_000_000);
     let rates = [Rate::hz(400), Rate::hz(60)];
     // 22 entries.
     let tabled = Scheduler::<_, 4, 22>::with_rates(SimPlatform::new(hertz), &rates);
     let scanned = Scheduler::<_, 4, 21>::with_rates(SimPlatform::new(hertz), &rates);
-    // Only a table can be too small for other rates.
+    // A table that is too small for other rates computes them.
     let seldom = Rate::fraction(1, 7);
-    assert!(matches!(
-        tabled.unwrap().set_rate(SLOW, seldom),
-        Err(LoopError::Rate(_))
-    ));
-    assert_eq!(scanned.unwrap().set_rate(SLOW, seldom), Ok(()));
+    tabled.unwrap().set_rate(SLOW, seldom)?;
+    scanned.unwrap().set_rate(SLOW, seldom)?;
     let none = Scheduler::<_, 1, 0>::with_rates(SimPlatform::new(Rate::hz(10)), &rates[..1]);
     assert!(matches!(none.err(), Some(RateError::TooFast { .. })));
+    Ok(())
+}
+
+#[test]
+fn a_table_becomes_a_scan_when_other_rates_do_not_fit() {
+    let processor = SimPlatform::new(Rate::hz(1_000_000));
+    let rates = [Rate::hz(400), Rate::hz(50)];
+    let scheduler = Scheduler::<_, 2, 8>::with_rates(processor.clone(), &rates).unwrap();
+    let (mut fast_dues, mut slow_dues) = (Vec::new(), Vec::new());
+    let (mut fast, mut slow) = (|due| fast_dues.push(due), |due| slow_dues.push(due));
+    scheduler.scope(|scope| {
+        scope.assign(FAST, Overrun::Skip, &mut fast).unwrap();
+        scope.assign(SLOW, Overrun::Skip, &mut slow).unwrap();
+        let background = || {
+            processor.run_until(30_000);
+            assert!(!scheduler.statistics(SLOW).unwrap().computed);
+            scheduler.set_rate(SLOW, Rate::hz(60)).unwrap();
+            processor.run_until(141_000);
+            assert!(scheduler.statistics(SLOW).unwrap().computed);
+        };
+        scheduler.run(background).unwrap();
+    });
+    let in_time: Vec<u64> = (0..=56).map(|number| 2500 * number).collect();
+    assert_eq!(fast_dues, in_time);
+    let after = [56_667, 73_333, 90_000, 106_667, 123_333, 140_000];
+    assert_eq!(slow_dues, [&[0, 20_000, 40_000], &after[..]].concat());
 }

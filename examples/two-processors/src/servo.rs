@@ -14,7 +14,8 @@ use condor_rt::{Setup, Var, Write as _};
 use crate::panel::{Panel, Ports};
 use crate::{MOVE, WHERE};
 
-const HZ: u16 = 400;
+const HZ: u32 = 400;
+const LONGEST_PERIOD_NS: u64 = 5_000_000;
 const DAMPING_NM_S: f32 = 0.1;
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -43,8 +44,8 @@ impl Program for Servo {
 
         let position = Var::new("joint.position", "rad");
         let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0_f32, 0.0..=20.0);
-        let report_hz = Param::new("report.hz", "Hz", 1, 0..=20);
-        let (target, place, mut last) = (AtomicI32::new(0), AtomicI32::new(0), 0.0);
+        let (target, place) = (AtomicI32::new(0), AtomicI32::new(0));
+        let (mut last, mut last_due_ns) = (0.0, 0);
         Setup::new(machine)?
             .console()?
             .files()?
@@ -56,23 +57,29 @@ impl Program for Servo {
             .interrupts(&ports)
             .watch(&position)
             .tune(&stiffness)
-            .servo("servo", Rate::hz(HZ.into()), &mut |_| {
-                joint.advance(1.0 / f32::from(HZ));
+            // The joint needs the servo: it may be slower or faster, and never rests.
+            .rates(200.0..=1000.0)
+            .servo("servo", Rate::hz(HZ), &mut |tick| {
+                let due_ns = tick.due.as_ns();
+                let period_ns = due_ns.saturating_sub(last_due_ns).min(LONGEST_PERIOD_NS);
+                let period = period_ns as f32 * 1e-9;
+                joint.advance(period);
                 let Ok(step) = sensor.angle(sensor.registers) else {
                     return;
                 };
                 let angle = (f32::from(step) / f32::from(As5600::TURN) - 0.5) * TAU;
                 let error = target.load(Relaxed) as f32 / 1000.0 - angle;
-                let speed = (angle - last) * f32::from(HZ);
+                let speed = (angle - last) / period;
                 let torque = stiffness.get() * error - DAMPING_NM_S * speed;
                 let duty = (torque / SimJoint::STALL_NM * f32::from(Pca9685::CYCLE)) as i16;
                 let duties = [duty.max(0) as u16, duty.min(0).unsigned_abs()];
                 let _ = motor.set_duties(motor.registers, 0, &duties);
                 position.set(angle);
                 place.store((angle * 1000.0) as i32, Relaxed);
-                last = angle;
+                (last, last_due_ns) = (angle, due_ns);
             })
-            .servo_at("report", &report_hz, &mut |tick| {
+            .rates(0.0..=20.0)
+            .servo("report", Rate::hz(1), &mut |tick| {
                 tick.print(format_args!("joint at {} mrad\r\n", place.load(Relaxed)));
             })
             .background(|background| {

@@ -6,7 +6,11 @@ use serde::Serialize;
 
 use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::control::Member;
-use condor_host::view::{BoardInterrupts, LoopRates, LoopSample, VectorCounts, View, ViewError};
+use condor_host::description::ProcessorEntry;
+use condor_host::plain::plain;
+use condor_host::view::{
+    BoardInterrupts, LoopRates, LoopSample, Percentiles, VectorCounts, View, ViewError,
+};
 
 /// The counts of a loop or a vector, and the processor or service that has it.
 #[derive(Clone, Debug, Serialize)]
@@ -160,14 +164,97 @@ pub(crate) fn table_of_loops(rows: &[Row<LoopRates>]) -> TextTable<9> {
     table
 }
 
-/// The line under a table of loops that says what dashes mean, if simulated time is the reason for
-/// some of them.
-pub(crate) fn note_of_loops(rows: &[Row<LoopRates>]) -> &'static str {
-    if rows.iter().any(|row| row.counts.run_us.is_none()) {
-        "Simulated time: loops take the time of `loop_times_us`; without it, none (-).\n"
-    } else {
-        ""
+/// The lines under a table of loops: the meaning of dashes, if simulated time is the reason for some of them, and the
+/// processors whose loops have no event table.
+pub(crate) fn note_of_loops(rows: &[Row<LoopRates>]) -> String {
+    let has_dashes = rows.iter().any(|row| row.counts.run_us.is_none());
+    let dashes = "Simulated time: loops take the time of `loop_times_us`; without it, none (-).\n";
+    let computed = rows.iter().filter(|row| row.counts.computed);
+    let mut computed: Vec<_> = computed.map(|row| &*row.processor).collect();
+    computed.dedup();
+    let names = computed.join(", ");
+    let without_table = format!(
+        "{}: no event table has room for these rates, so each release takes longer; choose rounder rates.\n",
+        plain(&names)
+    );
+    let notes = [
+        has_dashes.then_some(dashes),
+        (!names.is_empty()).then_some(&*without_table),
+    ];
+    notes.into_iter().flatten().collect()
+}
+
+/// Returns a table of the percentiles of lateness and run times, after an empty line.
+pub(crate) fn table_of_percentiles(rows: &[Row<LoopRates>]) -> String {
+    let mut table = TextTable::new([
+        ("processor", Left),
+        ("loop", Left),
+        ("time", Left),
+        ("50 % µs", Right),
+        ("99 %", Right),
+        ("99.9 %", Right),
+        ("worst", Right),
+    ]);
+    for Row { processor, counts } in rows {
+        let late = (
+            Some(counts.lateness_percentiles_us),
+            Some(counts.worst_lateness_us),
+        );
+        let run = (counts.run_percentiles_us, counts.worst_run_us);
+        for (what, (times, worst)) in [("late", late), ("run", run)] {
+            let shown = |at: fn(Percentiles) -> f64| or_dash(times.map(at).map(tenths));
+            table.row([
+                processor.clone(),
+                counts.name.clone(),
+                what.into(),
+                shown(|it| it.p50),
+                shown(|it| it.p99),
+                shown(|it| it.p99_9),
+                or_dash(worst.map(tenths)),
+            ]);
+        }
     }
+    if rows.is_empty() {
+        String::new()
+    } else {
+        format!("\n{table}")
+    }
+}
+
+/// Says where loops do otherwise than the description declares.
+pub(crate) fn beyond_declared(
+    rows: &[Row<LoopRates>],
+    processors: &[ProcessorEntry],
+) -> Vec<String> {
+    let mut beyond = Vec::new();
+    for processor in processors {
+        let of = &processor.name;
+        let there = || rows.iter().filter(|row| row.processor == *of);
+        for declared in &processor.servo_loops {
+            let name = &declared.name;
+            let Some(Row { counts, .. }) = there().find(|row| row.counts.name == *name) else {
+                if there().next().is_some() {
+                    beyond.push(format!(
+                        "{of}: its program has no loop `{name}`, which `servo_loops` declares"
+                    ));
+                }
+                continue;
+            };
+            let (hz, us) = (declared.hz, declared.worst_us);
+            if counts.rate_hz > f64::from(hz) {
+                let now = counts.rate_hz;
+                beyond.push(format!(
+                    "{of}: `{name}` is set to {now} Hz, but `servo_loops` declares {hz} Hz"
+                ));
+            }
+            if let Some(worst) = counts.worst_run_us.filter(|worst| *worst > us.into()) {
+                beyond.push(format!(
+                    "{of}: `{name}` took {worst:.1} µs, but `servo_loops` declares {us} µs: correct `worst_us`, then `condor check`"
+                ));
+            }
+        }
+    }
+    beyond
 }
 
 fn tenths(value: f64) -> String {

@@ -19,7 +19,9 @@ use clap_complete::Shell;
 
 use crate::commands::{self, SystemChoice};
 use condor_host::application::Application;
-use condor_host::description::SystemDescription;
+use condor_host::description::{
+    DeclaredLoop, ProcessorEntry, SystemDescription, response_times_us,
+};
 use condor_host::error::{AnyError, me, tell};
 use condor_host::gateway::INSTALL;
 use condor_host::paths::find_program;
@@ -70,7 +72,10 @@ enum Command {
     Ui(ui::Ui),
     /// Shows the state of processors and services
     Ps(commands::Ps),
-    /// Shows servo loops: rates, run times, overruns; Ctrl-C ends it
+    /// Shows servo loops: rates, run times, lateness, overruns; Ctrl-C ends it
+    ///
+    /// Percentiles are since a loop began. They are at most half longer than the exact ones. Loops that take longer than
+    /// the description declares in `servo_loops` are named.
     Top(commands::Top),
     /// Shows, pauses, steps or resumes the simulated clock
     Clock(clock::Clock),
@@ -247,7 +252,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         }
         Some(Command::Ui(ui)) => ui.run(application)?,
         Some(Command::Ps(ps)) => ps.run()?,
-        Some(Command::Top(top)) => top.run()?,
+        Some(Command::Top(top)) => top.run(application)?,
         Some(Command::Clock(clock)) => clock.run()?,
         Some(Command::Send(send)) => send.run()?,
         Some(Command::Vectors(vectors)) => vectors.run()?,
@@ -285,6 +290,25 @@ fn description(file: Option<PathBuf>, application: &dyn Application) -> PathBuf 
         .unwrap_or_else(|| "condor.toml".into())
 }
 
+/// Returns a line for each loop that a processor's description declares.
+fn loads(processor: &ProcessorEntry) -> String {
+    let line = |(one, response): (&DeclaredLoop, Option<u64>)| {
+        let response = response?;
+        let (of, name) = (&processor.name, &one.name);
+        let (hz, worst_us, period_us) = (one.hz, one.worst_us, 1_000_000 / one.hz);
+        let text = format!(
+            "{of}: `{name}` at {hz} Hz runs for up to {worst_us} µs and ends within {response} of {period_us} µs"
+        );
+        Some(plain_lines(&text) + "\n")
+    };
+    let loops = &processor.servo_loops;
+    loops
+        .iter()
+        .zip(response_times_us(loops))
+        .filter_map(line)
+        .collect()
+}
+
 fn check(file: &Path, application: &dyn Application) -> Result<(), AnyError> {
     match SystemDescription::read(file, application) {
         Ok(description) => {
@@ -294,6 +318,9 @@ fn check(file: &Path, application: &dyn Application) -> Result<(), AnyError> {
                 file.display(),
                 description.name
             );
+            for processor in &description.processors {
+                print!("{}", loads(processor));
+            }
             Ok(())
         }
         Err(mistakes) => {

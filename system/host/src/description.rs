@@ -33,6 +33,7 @@
 //! | `on_failure` | `"restart"` the program, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
 //! | `restarts` | the greatest number of restarts in a minute, or in a row if the program does not join; then it has failed for good | 10 |
 //! | `loop_times_us` | how long its servo loops take in simulated time, in microseconds, the fastest loop first | they take no time |
+//! | `servo_loops` | its servo loops, to check that they end in time ([`response_times_us`]), such as `[{ name = "servo", hz = 400, worst_us = 300, blocked_us = 20 }]`: the longest time of a run, and the longest for which slower loops and the background mask interrupts or hold locks (0 without it), both in microseconds | not checked |
 //! | `may_ask` | the requests of its program, by message, that the supervisor carries out: `"restart"` of any processor's program, `"load"` of a program that this description names (see [`condor_rt::supervisor`]) | `[]` |
 //! | `serves` | the parts of the robot, such as fingers, that its program serves, by their names; the others are served as the file `robot` says | `[]` |
 //! | `stall_seconds` | how long the heartbeat may stop before that is a failure, in seconds; 0: for ever | 5 |
@@ -46,6 +47,8 @@ use core::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use condor_clock::LOOPS;
+use condor_mos::{Analysis, Load, LoopId, Rate, ResponseTime};
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -254,6 +257,8 @@ pub struct ProcessorEntry {
     /// The times that its servo loops take in simulated time, in microseconds, the fastest loop
     /// first.
     pub loop_times_us: Vec<u32>,
+    /// The servo loops that it declares.
+    pub servo_loops: Vec<DeclaredLoop>,
     /// The number of seconds for which its heartbeat may stop before that is a failure; 0 means
     /// that it never is.
     pub stall_seconds: u32,
@@ -272,6 +277,41 @@ pub fn served(processors: &[ProcessorEntry]) -> Vec<(u8, &str)> {
         .iter()
         .flat_map(|one| one.serves.iter().map(|part| (one.number, part.as_str())));
     parts.collect()
+}
+
+/// A servo loop that a description declares for a processor: an element of `servo_loops`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeclaredLoop {
+    /// The name of the loop.
+    pub name: String,
+    /// The greatest rate of the loop, in Hz, at least 1.
+    pub hz: u32,
+    /// The longest time of one run, without the loops that interrupt it, in µs.
+    pub worst_us: u32,
+    /// The longest time for which slower loops and the background delay a run, in µs.
+    #[serde(default)]
+    pub blocked_us: u32,
+}
+
+/// Returns the longest time from a release to the end of its run for each of the loops of one processor, in µs, as an
+/// [`Analysis`] finds it; `None` for a loop that may not end within its period. At most 8 loops have a result.
+#[must_use]
+pub fn response_times_us(loops: &[DeclaredLoop]) -> Vec<Option<u64>> {
+    // Slower than all others, and without a run.
+    let none = Load::new(Rate::every_seconds(u32::MAX), 0);
+    let mut loads = [none; LOOPS];
+    for (load, one) in loads.iter_mut().zip(loops) {
+        if let Some(rate) = Rate::new(one.hz, 1) {
+            *load = Load::new(rate, one.worst_us).blocked(one.blocked_us);
+        }
+    }
+    let analysis = Analysis::new(Rate::hz(1_000_000), loads);
+    let response = |(id, _)| match analysis.response(LoopId(id))? {
+        ResponseTime::Within(us) => Some(us),
+        ResponseTime::Late | ResponseTime::Undecided => None,
+    };
+    (0..).zip(loops).take(LOOPS).map(response).collect()
 }
 
 /// A request that the program of a processor may send to the supervisor by message: an element of `may_ask` in a

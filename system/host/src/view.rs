@@ -12,7 +12,7 @@ mod variables;
 mod vectors;
 
 pub use interrupts::BoardInterrupts;
-pub use loops::{LoopRates, LoopSample};
+pub use loops::{LoopRates, LoopSample, Percentiles};
 pub use terminals::TerminalCounts;
 pub use variables::Variables;
 pub use vectors::VectorCounts;

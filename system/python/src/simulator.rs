@@ -188,7 +188,7 @@ impl Simulator {
         for parameter in &self.tuned {
             setup.tune(parameter);
         }
-        setup.servo(&self.name, self.rate, &mut body);
+        setup.fixed().servo(&self.name, self.rate, &mut body);
         setup.background(|background| {
             while !background.is_stopping() && !is_over.load(Relaxed) {
                 background.serve(NAP)?;

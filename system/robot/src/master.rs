@@ -130,6 +130,7 @@ impl Program for Master {
             })
             .watch(&wanted)
             .watch(&loose)
+            .fixed()
             .servo("trajectories", start::rate(rate_hz), &mut |_| {
                 drive::with(&shared, |drive| {
                     drive.tick();

@@ -179,6 +179,7 @@ impl<B: SimBoards> Program for Plant<B> {
             .watch(&resting)
             // So that the conversions for a servo's release are done before it.
             .ahead(AHEAD)
+            .fixed()
             .servo("robot", start::rate(arguments.rate_hz), &mut |tick| {
                 let done = with(&shared, |robot| {
                     let now = robot.tick::<B, _>(&bus, tick.due.as_ns(), &mut raise);

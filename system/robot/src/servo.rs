@@ -192,6 +192,7 @@ fn serve<M: Machine>(
         .watch(&variables)
         .tune(&gains.laws)
         .tune(&gains.numbers)
+        .fixed()
         .servo(LOOP, start::rate(rate_hz), &mut |tick| {
             fingers.tick(tick.due);
         })

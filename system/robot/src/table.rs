@@ -239,6 +239,7 @@ impl<B: Boards> Program for Table<B> {
             .watch(&variables.position)
             .watch(&variables.target)
             .watch(&variables.force)
+            .fixed()
             .servo("axes", start::rate(rate_hz), &mut |tick| {
                 axes.tick(tick.due);
             })

@@ -11,9 +11,8 @@ use condor_fs::{Area, FileSystem};
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, Clock as _, Doorbell as _, Exclusion, Instant, MemoryWindow};
 use condor_mbox::{Allocator, Messenger, Processor, Region, Vector};
-use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
+use condor_mos::{LoopError, LoopId, Loops, Statistics};
 use condor_tty::Terminal;
-use condor_vars::{Param, Tune as _};
 
 use crate::error::ProgramError;
 use crate::interrupts::Interrupts;
@@ -22,6 +21,7 @@ use crate::machine::{Machine, MailboxOf};
 use crate::numbers;
 use crate::servo::LOOPS;
 use crate::supervisor::Supervisor;
+use crate::variables::{RateParam, rate_of};
 
 /// Characters that can be typed ahead.
 const TYPED: usize = 128;
@@ -114,6 +114,9 @@ pub(crate) type Reports<M> = (
     heapless::Vec<LoopReport<<M as Machine>::Window>, LOOPS>,
 );
 
+/// A loop whose rate others may set, the parameter by which they do, and the rate that was set last, in Hz.
+pub(crate) type FollowedRate<'b> = (LoopId, &'b RateParam<'b>, Cell<f64>);
+
 /// The argument of a program's background: the machine, mailbox, terminal, files and loops of the
 /// running program. Loops and handlers may interrupt the background.
 pub struct Background<'b, M: Machine> {
@@ -125,8 +128,7 @@ pub struct Background<'b, M: Machine> {
     pub(crate) own: &'b Region<M::Window>,
     pub(crate) loops: Option<&'b dyn Loops<Instant = u64>>,
     pub(crate) names: &'b [&'b str],
-    /// For each loop, the rate that its parameter asks for, and the rate that was set last, in Hz.
-    pub(crate) rates_hz: &'b [Option<(&'b Param<u32>, Cell<u32>)>],
+    pub(crate) rates: &'b [FollowedRate<'b>],
     pub(crate) interrupts: Option<&'b dyn InterruptEntry>,
     pub(crate) reports: RefCell<(Instant, Reports<M>)>,
 }
@@ -214,16 +216,6 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok(loops.reset_statistics(id)?)
     }
 
-    /// Changes the rate of the loop called `name`, while all loops go on running.
-    ///
-    /// # Errors
-    /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with [`LoopError::NoSuchLoop`] if
-    /// no loop has this name; [`ProgramError::Loop`] with [`LoopError::Rate`] if the new rates cannot be scheduled.
-    pub fn set_rate(&self, name: &str, rate: Rate) -> Result<(), ProgramError> {
-        let (loops, id) = self.servo(name)?;
-        Ok(loops.set_rate(id, rate)?)
-    }
-
     /// Enables or disables the loop called `name`; a disabled loop is not released.
     ///
     /// # Errors
@@ -283,22 +275,16 @@ impl<'b, M: Machine> Background<'b, M> {
 
     /// Changes the rates of loops to those that others have set.
     pub(crate) fn follow_rates(&self, loops: &dyn Loops<Instant = u64>) {
-        for (number, (rate, name)) in (0..).zip(self.rates_hz.iter().zip(self.names)) {
-            let Some((param, last)) = rate else {
-                continue;
-            };
-            let [hz, _] = param.wanted(0);
-            if last.replace(hz) == hz {
+        for (id, rate, last) in self.rates {
+            let hz = rate.wanted();
+            if last.replace(hz).to_bits() == hz.to_bits() {
                 continue;
             }
-            let id = LoopId(number);
-            let followed = match Rate::new(hz, 1) {
-                Some(rate) => loops.set_rate(id, rate).and_then(|()| loops.enable(id)),
-                None => loops.disable(id),
+            // Bounds keep out every rate that has no schedule.
+            let _ = match rate_of(hz) {
+                Some(rate) => (loops.set_rate(*id, rate)).and_then(|()| loops.enable(*id)),
+                None => loops.disable(*id),
             };
-            if let Err(error) = followed {
-                self.print(format_args!("{name} at {hz} Hz: {error}\r\n"));
-            }
         }
     }
 
@@ -321,7 +307,8 @@ impl<'b, M: Machine> Background<'b, M> {
         }
         if let Some(loops) = self.loops {
             for (number, report) in (0..).zip(reports) {
-                report.publish(&loops.statistics(LoopId(number))?)?;
+                let id = LoopId(number);
+                report.publish(&loops.statistics(id)?, &loops.histograms(id)?.into())?;
             }
         }
         Ok(())

@@ -3,7 +3,9 @@
 use core::num::NonZeroU64;
 use core::time::Duration;
 
-use condor_mos::{LoopId, Loops, Overrun, Platform, Rate, RateError, Scheduler};
+use condor_mos::{
+    ClockSpec, EventTable, Histograms, LoopId, Loops, Overrun, Platform, Rate, RateError, Scheduler,
+};
 use heapless::Vec;
 
 use crate::error::ProgramError;
@@ -11,8 +13,9 @@ use crate::list::fitting;
 
 /// The greatest number of servo loops that a program can have.
 pub const LOOPS: usize = 8;
-/// Entries of the event table that a program's loops have; rates that take more are computed.
-const ENTRIES: usize = 32;
+/// Entries of the event table that a program's loops have, enough for 500 Hz beside 1 Hz; rates that take more are
+/// computed. The table has 16 bytes for each.
+const ENTRIES: usize = 512;
 
 /// A servo loop that a program passes to [`Machine::with_loops`](crate::Machine::with_loops).
 /// Programs that use [`Setup`](crate::Setup) do not need this type.
@@ -44,7 +47,9 @@ where
 {
     let rates = rates(loops)?;
     let start = first_release(platform.now(), platform.frequency(), &rates, ahead);
-    let scheduler = Scheduler::<_, LOOPS, ENTRIES>::with_rates(platform, &rates)?;
+    let clock = ClockSpec::of::<u64>(platform.frequency());
+    let table = EventTable::or_scan(&rates, &[], clock)?;
+    let scheduler = Scheduler::<_, LOOPS, ENTRIES, Histograms>::keeping(platform, table);
     run(&scheduler, loops, start, || background(&scheduler))
 }
 

@@ -1,6 +1,7 @@
 //! [`Setup`]: the builder of a program.
 
 use core::cell::{Cell, RefCell};
+use core::ops::RangeInclusive;
 use core::time::Duration;
 
 use condor_dev::InterruptEntry;
@@ -8,11 +9,9 @@ use condor_fs::Area;
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, AccessError, Clock as _, Doorbell as _, Instant, MemoryWindow};
 use condor_mbox::{Allocator, Messenger as _, Published, Region, Vector, Waiting};
-use condor_mos::{Loops, Overrun, Rate};
+use condor_mos::{ClockSpec, LoopId, Loops, Overrun, Rate, Scan};
 use condor_tty::{Terminal, TerminalVectors};
-use condor_vars::{
-    Catalog, CellStruct, Param, Respond, Tune, VARS, VariableSettings, Watch, describe,
-};
+use condor_vars::{Catalog, CellStruct, Respond, Tune, VARS, VariableSettings, Watch, describe};
 use heapless::Vec;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -23,12 +22,15 @@ use crate::loops::LoopReport;
 use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
 use crate::objects::{ObjectKind, ObjectTable};
-use crate::running::{Background, ConsoleOf, FILES, HandlerCall, LoopTick, Reports, Screen};
+use crate::running::{
+    Background, ConsoleOf, FILES, FollowedRate, HandlerCall, LoopTick, Reports, Screen,
+};
 use crate::servo::{LOOPS, ServoLoop};
 use crate::supervisor::Supervisor;
 use crate::text::ShortText;
 use crate::variables::{
-    self, LoopDesk, LoopSampler, LoopServer, Nanoseconds, VARIABLES, incarnation, name_of,
+    self, LoopDesk, LoopSampler, LoopServer, Nanoseconds, RateBounds, RateParam, VARIABLES,
+    incarnation, name_of, rate_of,
 };
 
 /// The greatest number of message handlers that a program can have.
@@ -40,8 +42,8 @@ const PATH_BYTES: u32 = 64;
 const BUFFER_BYTES: u32 = 4096;
 /// The time that the background serves before it looks around.
 const NAP: Duration = Duration::from_millis(20);
-/// The rate in the schedule of a loop that rests.
-const RESTING: Rate = Rate::hz(1);
+/// The parameters of a program, with those of the rates of its loops.
+const PARAMETERS: usize = VARIABLES + LOOPS;
 
 /// A function that handles messages, for [`Setup::on`]. Its result is the reply to the message.
 pub type MessageHandler<'e> = &'e (dyn Fn(&HandlerCall<'_>) -> u32 + Sync);
@@ -84,6 +86,8 @@ pub struct Setup<'e, M: Machine> {
     interrupts: Option<&'e dyn InterruptEntry>,
     handlers: List<(Vector, &'e str, MessageHandler<'e>), HANDLERS>,
     loops: List<Loop<'e>, LOOPS>,
+    /// The rates that others may set for the loop that is added next.
+    bounds: RateBounds,
     /// The variables, and below the parameters: those of the first loop, then those of the second, and so on.
     watched: List<&'e dyn Watch, VARIABLES>,
     tuned: List<&'e dyn Tune, VARIABLES>,
@@ -101,8 +105,8 @@ struct Loop<'e> {
     rate: Rate,
     overrun: Overrun,
     body: LoopFunction<'e>,
-    /// The parameter that sets the rate of the loop, in Hz.
-    rate_hz: Option<&'e Param<u32>>,
+    /// The rates that others may set.
+    bounds: RateBounds,
     /// The number of variables and parameters of this loop and the loops before it.
     watched: usize,
     tuned: usize,
@@ -124,15 +128,12 @@ impl Loop<'_> {
             if let Some(sampler) = &mut sampler {
                 let _ = sampler.begin();
             }
-            // A loop that must rest may be released before the background has disabled it.
-            if self.rate_hz.is_none_or(|hz| hz.get() != 0) {
-                (self.body)(&mut LoopTick {
-                    due,
-                    number: number as u32,
-                    messenger,
-                    screen,
-                });
-            }
+            (self.body)(&mut LoopTick {
+                due,
+                number: number as u32,
+                messenger,
+                screen,
+            });
             if let Some(sampler) = &mut sampler {
                 let _ = sampler.end(number, due);
             }
@@ -166,6 +167,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             interrupts: None,
             handlers: List::new(),
             loops: List::new(),
+            bounds: RateBounds::Slower,
             watched: List::new(),
             tuned: List::new(),
             wrong: None,
@@ -382,8 +384,28 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// The first release is in the middle of a period of the program's fastest loop; periods are
     /// counted from the beginning of the machine's time. So loops of the same rate are due at the
     /// same instants on all processors that share a clock.
+    ///
+    /// Others may set the rate while the loop runs, by the parameter `NAME.hz` (see [`tune`](Self::tune)) in Hz, of which
+    /// thousandths count. At 0 Hz the loop rests. The greatest rate is that of the beginning, so that loops which were
+    /// in time still are; [`rates`](Self::rates) sets other bounds, and [`fixed`](Self::fixed) keeps the rate. The
+    /// background applies a new rate within 50 ms if it calls [`serve`](Background::serve) or
+    /// [`show`](Background::show) often enough.
     pub fn servo(&mut self, name: &'e str, rate: Rate, body: LoopFunction<'e>) -> &mut Self {
         self.servo_with(name, rate, Overrun::Skip, body)
+    }
+
+    /// Sets the rates in Hz that others may set for the servo loop that is added next. If 0 is among them, the loop may
+    /// rest. [`run`](Self::run) fails if the loop cannot have the greatest rate, or if its rate is not among them.
+    pub const fn rates(&mut self, hz: RangeInclusive<f64>) -> &mut Self {
+        self.bounds = RateBounds::Within(hz);
+        self
+    }
+
+    /// Has the servo loop that is added next keep its rate: it has no parameter by which others could set it. A loop
+    /// needs this if it computes with the period that it had at the beginning, or if its rest would let a robot fall.
+    pub const fn fixed(&mut self) -> &mut Self {
+        self.bounds = RateBounds::Fixed;
+        self
     }
 
     /// Releases all loops of the program that much earlier than [`servo`](Self::servo) says. So what this program does
@@ -402,40 +424,12 @@ impl<'e, M: Machine> Setup<'e, M> {
         overrun: Overrun,
         body: LoopFunction<'e>,
     ) -> &mut Self {
-        self.add(name, (rate, None), overrun, body)
-    }
-
-    /// Adds a servo loop called `name`, which runs `body` at the rate `rate_hz`, in Hz. This rate
-    /// is a parameter that others may set while the loop runs, like any parameter of
-    /// [`tune`](Self::tune). At 0 Hz the loop rests. The background applies a new rate within 50 ms
-    /// if it calls [`serve`](Background::serve) or [`show`](Background::show) often enough.
-    ///
-    /// If the loops cannot be scheduled at a new rate, the loop keeps its old rate, and an error is
-    /// printed on the terminal.
-    pub fn servo_at(
-        &mut self,
-        name: &'e str,
-        rate_hz: &'e Param<u32>,
-        body: LoopFunction<'e>,
-    ) -> &mut Self {
-        let rate = Rate::new(rate_hz.get(), 1).unwrap_or(RESTING);
-        self.tune(rate_hz)
-            .add(name, (rate, Some(rate_hz)), Overrun::Skip, body)
-    }
-
-    fn add(
-        &mut self,
-        name: &'e str,
-        (rate, rate_hz): (Rate, Option<&'e Param<u32>>),
-        overrun: Overrun,
-        body: LoopFunction<'e>,
-    ) -> &mut Self {
         let new = Loop {
             name,
             rate,
             overrun,
             body,
-            rate_hz,
+            bounds: core::mem::replace(&mut self.bounds, RateBounds::Slower),
             watched: self.watched.iter().count(),
             tuned: self.tuned.iter().count(),
         };
@@ -497,7 +491,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports()?;
         let watched: Vec<&dyn Watch, VARIABLES> = fitting(self.watched.iter().copied());
-        let tuned: Vec<&dyn Tune, VARIABLES> = fitting(self.tuned.iter().copied());
+        let rates = self.rate_params()?;
+        let tuned = self.parameters(&rates)?;
         let (windows, doorbell) = (self.machine.windows(), self.machine.doorbell());
         let lives = |processor| incarnation::<M, PROCESSORS>(&windows, &doorbell, processor);
         let mut all_selections = [const { LoopDesk::new() }; LOOPS];
@@ -539,9 +534,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         mailbox.join()?;
 
         let (mailbox, own) = (&mailbox, &self.own);
-        let rates_hz =
-            (self.loops.iter()).map(|one| Some((one.rate_hz?, Cell::new(one.rate.numerator()))));
-        let rates_hz: Vec<_, LOOPS> = fitting(rates_hz);
+        let rates = followed(&rates);
         // The list itself would panic where it ends.
         let bodies = self.loops.iter_mut().zip(samplers.iter_mut());
         let bodies = bodies.map(|(one, sampler)| {
@@ -569,7 +562,7 @@ impl<'e, M: Machine> Setup<'e, M> {
                 own,
                 loops,
                 names: &names,
-                rates_hz: &rates_hz,
+                rates: &rates,
                 interrupts: self.interrupts,
                 reports: RefCell::new((machine.doorbell().now(), reports)),
             };
@@ -598,6 +591,43 @@ impl<'e, M: Machine> Setup<'e, M> {
         with_boards(machine, self.interrupts, run)
     }
 
+    /// Makes the parameters by which others set the rates of loops.
+    fn rate_params(&self) -> Result<Vec<Option<RateParam<'e>>, LOOPS>, ProgramError> {
+        let clock = ClockSpec::of::<u64>(self.machine.timer_frequency());
+        for one in self.loops.iter() {
+            if let RateBounds::Within(hz) = &one.bounds
+                && let Some(greatest) = rate_of(*hz.end())
+            {
+                Scan::<1>::try_new(&[greatest], clock)?;
+            }
+        }
+        let params = (self.loops.iter()).map(|one| RateParam::new(one.name, one.rate, &one.bounds));
+        Ok(fitting(params))
+    }
+
+    /// Returns the parameters of the first loop, with that of its rate, then those of the second, and so on.
+    fn parameters<'d>(
+        &self,
+        rates: &'d [Option<RateParam<'e>>],
+    ) -> Result<Vec<&'d dyn Tune, PARAMETERS>, ProgramError>
+    where
+        'e: 'd,
+    {
+        let (mut all, mut tuned) = (Vec::new(), self.tuned.iter());
+        let mut taken = 0;
+        for (one, rate) in self.loops.iter().zip(rates) {
+            let own = tuned.by_ref().take(one.tuned - taken);
+            let own = own.map(|it| *it as &dyn Tune);
+            for parameter in own.chain(rate.iter().map(|it| it as &dyn Tune)) {
+                // As many as there are parameters and loops.
+                let _ = all.push(parameter);
+            }
+            taken = one.tuned;
+        }
+        let left = tuned.next().map(|it| name_of(*it));
+        left.map_or(Ok(all), |name| Err(ProgramError::LeftOver { name }))
+    }
+
     /// Makes the tables of the loops that have variables or parameters.
     fn tables<'d>(
         &mut self,
@@ -609,11 +639,13 @@ impl<'e, M: Machine> Setup<'e, M> {
         let (mut servers, mut samplers) = (Vec::new(), Vec::new());
         let (mut watched, mut tuned, mut before) = (watched, tuned, (0, 0));
         for (one, selections) in self.loops.iter().zip(all_selections) {
+            let own = one.tuned - before.1;
+            let has_rate = !matches!(one.bounds, RateBounds::Fixed);
             let (blocks, later) = watched
                 .split_at_checked(one.watched - before.0)
                 .unwrap_or_default();
             let (parameters, rest) = tuned
-                .split_at_checked(one.tuned - before.1)
+                .split_at_checked(own + usize::from(has_rate))
                 .unwrap_or_default();
             (watched, tuned, before) = (later, rest, (one.watched, one.tuned));
             if blocks.is_empty() && parameters.is_empty() {
@@ -622,7 +654,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             }
             let settings = VariableSettings {
                 rate: (one.rate.numerator(), one.rate.denominator()),
-                rows: variables::rows(one.rate),
+                rows: variables::rows(one.rate, blocks.is_empty() && own == 0),
                 watchers: condor_vars::MOST_WATCHERS as u32,
             };
             let (catalog, first) = (Catalog::new(blocks, parameters), self.allocator.used());
@@ -642,8 +674,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             // As many as there are loops.
             let _ = servers.push(server);
         }
-        let left = tuned.first().map(|it| name_of(*it));
-        match watched.first().map(|it| name_of(*it)).or(left) {
+        match watched.first().map(|it| name_of(*it)) {
             Some(name) => Err(ProgramError::LeftOver { name }),
             None => Ok((servers, samplers)),
         }
@@ -675,6 +706,15 @@ impl<'e, M: Machine> Setup<'e, M> {
             name: ShortText::of(name),
         });
     }
+}
+
+/// The rates that the background follows, each with the one that it has set last, in Hz.
+fn followed<'r>(rates: &'r [Option<RateParam<'r>>]) -> Vec<FollowedRate<'r>, LOOPS> {
+    let numbered = (0..).map(LoopId).zip(rates);
+    fitting(numbered.filter_map(|(id, rate)| {
+        let rate = rate.as_ref()?;
+        Some((id, rate, Cell::new(rate.wanted())))
+    }))
 }
 
 /// Runs `run`, and serves the interrupts of boards meanwhile, if there are some.

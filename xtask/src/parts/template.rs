@@ -151,6 +151,7 @@ impl Project<'_> {
         self.until_at(system, 300)?;
         self.ask(&["vars", "set", "joint.stiffness", "4", "--system", system])?;
         self.ask(&["vars", "set", "report.hz", "5", "--system", system])?;
+        self.ask(&["vars", "set", "servo.hz", "250", "--system", system])?;
         self.until_at(system, -400)?;
         self.logged(" to -400 mrad\n")?;
         panel.moves()?;

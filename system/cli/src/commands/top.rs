@@ -9,10 +9,16 @@ use serde::Serialize;
 use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::counts::{self, LastLook, Row, note_of_loops, table_of_interrupts, table_of_loops};
+use crate::counts::{
+    self, LastLook, Row, beyond_declared, note_of_loops, table_of_interrupts, table_of_loops,
+    table_of_percentiles,
+};
 use crate::screen;
+use condor_host::application::Application;
 use condor_host::control::ClockStatus;
+use condor_host::description::{ProcessorEntry, SystemDescription};
 use condor_host::error::AnyError;
+use condor_host::plain::plain_lines;
 use condor_host::signals;
 use condor_host::view::{BoardInterrupts, LoopRates};
 
@@ -34,11 +40,15 @@ struct Answer<'s> {
     clock: Option<&'s ClockStatus>,
     loops: &'s [Row<LoopRates>],
     interrupts: &'s [Row<BoardInterrupts>],
+    beyond_declared: &'s [String],
 }
 
 impl Top {
-    pub(crate) fn run(&self) -> Result<(), AnyError> {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let running = Running::find(&self.how.which)?;
+        // A description that somebody is changing declares nothing.
+        let described = SystemDescription::read(&running.status.file, application);
+        let described = described.map_or_else(|_| Vec::new(), |it| it.processors);
         let view = running.view()?;
         let end = signals::flag()?;
         let repaint = !self.once && !self.how.json && screen::can_repaint();
@@ -57,7 +67,8 @@ impl Top {
             let clock = running.clock()?;
             let loops = last.since(&view, processors)?;
             let interrupts = counts::interrupts(&view, processors)?;
-            self.show(&running, clock.as_ref(), (&loops, &interrupts), repaint)?;
+            let counts = (&loops[..], &interrupts[..]);
+            self.show(&running, clock.as_ref(), counts, &described, repaint)?;
             if self.once {
                 return Ok(());
             }
@@ -69,24 +80,29 @@ impl Top {
         running: &Running,
         clock: Option<&ClockStatus>,
         (loops, interrupts): (&[Row<LoopRates>], &[Row<BoardInterrupts>]),
+        described: &[ProcessorEntry],
         repaint: bool,
     ) -> Result<(), AnyError> {
         let system = &running.status.system;
+        let beyond = beyond_declared(loops, described);
         if self.how.json {
             return print_json(&Answer {
                 system,
                 clock,
                 loops,
                 interrupts,
+                beyond_declared: &beyond,
             });
         }
         let clear = if repaint { "\x1b[H\x1b[J" } else { "" };
         let more = if self.once || repaint { "" } else { "\n" };
         let clock = clock.map_or_else(String::new, |clock| format!("{clock}\n"));
         let (table, note) = (table_of_loops(loops), note_of_loops(loops));
-        let interrupts = table_of_interrupts(interrupts);
+        let percentiles = table_of_percentiles(loops);
+        let beyond = beyond.iter().map(|text| format!("{}\n", plain_lines(text)));
+        let (beyond, interrupts) = (beyond.collect::<String>(), table_of_interrupts(interrupts));
         print(format_args!(
-            "{clear}{clock}{table}{note}{interrupts}{more}"
+            "{clear}{clock}{table}{note}{beyond}{percentiles}{interrupts}{more}"
         ))
     }
 }

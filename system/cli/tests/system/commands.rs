@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Command, Stdio};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use crate::joint::{TWO, load_joint, start_one};
 use crate::running::{self, Up};
@@ -70,7 +71,17 @@ fn processors_and_their_loops_are_shown() {
     assert!(servo["reached_hz"].as_f64().unwrap() > 0.0, "{servo}");
     assert!(servo["worst_run_us"].as_f64().unwrap() > 0.0, "{servo}");
     let table = text(&up, &["top", "--once", "--every", "100ms"]);
-    assert_eq!(table.lines().count(), 5, "{table}");
+    assert_eq!(table.lines().count(), 15, "{table}");
+    let late = &servo["lateness_percentiles_us"];
+    assert!(late["p50"].as_f64() <= late["p99_9"].as_f64(), "{servo}");
+    assert!(
+        late["p99_9"].as_f64() <= servo["worst_lateness_us"].as_f64(),
+        "{servo}"
+    );
+    assert!(
+        servo["run_percentiles_us"]["p50"].as_f64().unwrap() > 0.0,
+        "{servo}"
+    );
 }
 
 #[test]
@@ -185,6 +196,32 @@ fn values_are_shown_and_parameters_set() {
         values,
         [json!(2.0), json!(10.0), json!("hold"), json!(true)]
     );
+}
+
+#[test]
+fn people_set_the_rates_of_loops() {
+    let up = start();
+    let followed = |is: &dyn Fn(&Value) -> bool| {
+        let deadline = Instant::now() + Duration::from_secs(60);
+        let slow = || answer(&up, &["top", "--once", "--every", "50ms"])["loops"][3].clone();
+        while !is(&slow()) {
+            assert!(Instant::now() < deadline, "{}", slow());
+        }
+    };
+    let told = text(&up, &["vars", "set", "b:slow.hz", "12.5"]);
+    assert_eq!(told, "b:slow.hz: 20.0 -> 12.5 Hz\n");
+    followed(&|slow| slow["rate_hz"] == 12.5);
+    text(&up, &["vars", "set", "b:slow.hz", "0"]);
+    followed(&|slow| slow["enabled"] == false);
+    text(&up, &["vars", "set", "b:slow.hz", "20"]);
+    followed(&|slow| slow["enabled"] == true && slow["rate_hz"] == 20.0);
+    let told = complaint(&up, &["vars", "set", "b:slow.hz", "21"]);
+    assert!(
+        told.contains("`b:slow.hz` must be from 0.0 to 20.0 Hz, not 21.0"),
+        "{told}"
+    );
+    let told = complaint(&up, &["vars", "set", "b:servo.hz", "50"]);
+    assert!(told.contains("`b:servo.hz`"), "{told}");
 }
 
 #[test]

@@ -95,6 +95,7 @@ impl Program for Joint {
             .tune(&stiffness)
             .tune(&mode)
             .tune(&is_soft)
+            .fixed()
             .servo("servo", Rate::hz(100), &mut |tick| {
                 position.set(0.5 * f64::from(tick.number));
                 ticks.set(tick.number.into());

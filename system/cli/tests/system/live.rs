@@ -103,7 +103,7 @@ fn parameters_are_set_by_those_who_have_the_token() {
     let all = viewer.answered("all");
     let names = all["parameters"].as_array().unwrap().iter();
     let names: Vec<_> = names.map(|it| it["name"].as_str().unwrap()).collect();
-    let expected = ["joint.stiffness", "mode", "soft"];
+    let expected = ["joint.stiffness", "mode", "slow.hz", "soft"];
     let expected = ["a", "b"].map(|it| expected.map(|name| format!("{it}:{name}")));
     assert_eq!(names, *expected.as_flattened());
     assert_eq!(

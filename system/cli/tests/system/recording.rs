@@ -227,7 +227,7 @@ fn all_variables_and_cells_are_recorded_by_default() {
     recorder.end();
     let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
     let names = reader.columns(&[]).unwrap();
-    assert_eq!(names.len(), 16);
+    assert_eq!(names.len(), 18);
     let mode = reader.columns(&["a:mode".into()]).unwrap();
     assert_eq!(mode[0].variable.labels, ["idle", "hold", "fault"]);
     let contact = rows(&reader, "b", "contact");

@@ -7,7 +7,9 @@ use condor_rt::numbers::PROGRAMS;
 use condor_toml::{Keys, Spanned, WholeNumber, suggest};
 
 use super::{Own, Restarts, name};
-use crate::description::{MayAsk, OnFailure, ProcessorEntry, ProgramEntry};
+use crate::description::{
+    DeclaredLoop, MayAsk, OnFailure, ProcessorEntry, ProgramEntry, response_times_us,
+};
 use crate::extension::{Extension, FoundProcessor};
 use crate::paths::{beside, find_program};
 
@@ -26,6 +28,7 @@ pub(super) struct Common {
     restarts: u32,
     stall_seconds: u32,
     loop_times_us: Vec<u32>,
+    servo_loops: Vec<DeclaredLoop>,
     may_ask: Vec<MayAsk>,
     serves: Option<Spanned<Vec<String>>>,
 }
@@ -49,6 +52,7 @@ impl Common {
             restarts: self.restarts,
             stall_seconds: self.stall_seconds,
             loop_times_us: self.loop_times_us,
+            servo_loops: self.servo_loops,
             may_ask: self.may_ask,
             serves: self.serves.map(Spanned::into_inner).unwrap_or_default(),
         })
@@ -87,6 +91,7 @@ pub(super) fn read<'a, 't>(
     let may_ask = keys.get("may_ask");
     let serves = keys.get("serves");
     let loop_times_us = loop_times(&mut keys);
+    let servo_loops = servo_loops(&mut keys);
     let entry = program.as_ref().and_then(|program| {
         if runs_here {
             self::program(&keys, program, arguments.as_ref(), own)
@@ -119,6 +124,7 @@ pub(super) fn read<'a, 't>(
         restarts: restarts.map_or(10, |restarts| restarts.0),
         stall_seconds: stall_seconds.map_or(5, |seconds| seconds.0),
         loop_times_us,
+        servo_loops,
         may_ask: may_ask.unwrap_or_default(),
         serves,
     };
@@ -139,6 +145,39 @@ fn loop_times(keys: &mut Keys<'_, '_>) -> Vec<u32> {
         keys.wrong(&times.span(), problem);
     }
     times.into_inner().into_iter().map(|time| time.0).collect()
+}
+
+/// Reads the servo loops that a processor declares, and checks that they end in time.
+fn servo_loops(keys: &mut Keys<'_, '_>) -> Vec<DeclaredLoop> {
+    let Some(loops) = keys.get::<Spanned<Vec<DeclaredLoop>>>("servo_loops") else {
+        return Vec::new();
+    };
+    let (span, loops) = (loops.span(), loops.into_inner());
+    let (count, most) = (loops.len(), condor_clock::LOOPS);
+    if count > most {
+        let problem = format!("a program has at most {most} servo loops, but here are {count}");
+        keys.wrong(&span, problem);
+    }
+    if let Some(one) = loops.iter().find(|one| one.hz == 0) {
+        let problem = format!("`{}` has the rate 0 Hz; a loop has at least 1 Hz", one.name);
+        keys.wrong(&span, problem);
+        return loops;
+    }
+    let mut late = loops.iter().zip(response_times_us(&loops));
+    if let Some((one, _)) = late.find(|(_, response)| response.is_none()) {
+        let period_us = 1_000_000 / one.hz;
+        let (name, worst_us, blocked_us) = (&one.name, one.worst_us, one.blocked_us);
+        let faster = loops.iter().filter(|other| other.hz > one.hz);
+        let share = |other: &DeclaredLoop| 1e-4 * f64::from(other.worst_us) * f64::from(other.hz);
+        let taken: f64 = faster.map(share).sum();
+        let problem = format!(
+            "`{name}` may end later than its period of {period_us} µs: it runs for up to {worst_us} µs, is blocked for up to \
+             {blocked_us} µs, and faster loops take {taken:.1} % of the time; shorten runs, or lower the rate of `{name}` \
+             or of a faster loop"
+        );
+        keys.wrong(&span, problem);
+    }
+    loops
 }
 
 /// The names of services, which commands accept in the place of a processor's name.

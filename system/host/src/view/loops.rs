@@ -1,11 +1,11 @@
 use std::time::Instant;
 
 use condor_mbox::Processor;
-use condor_mos::Statistics;
+use condor_mos::{Histogram, Statistics};
 use serde::Serialize;
 
 use super::{View, ViewError};
-use condor_rt::loops;
+use condor_rt::loops::{self, LoopTimes};
 use condor_rt::objects::ObjectKind;
 
 /// The counts of all servo loops of a processor at one moment. [`since`](Self::since) computes rates from two samples.
@@ -15,7 +15,7 @@ pub struct LoopSample {
     incarnation: u32,
     /// Whether runs take the time that is declared for them, and are not measured.
     simulated: bool,
-    loops: Vec<(String, Statistics)>,
+    loops: Vec<(String, Statistics, LoopTimes)>,
 }
 
 /// The activity of a servo loop between two samples, or since the loop began: its rate, its run times, its lateness and
@@ -41,6 +41,12 @@ pub struct LoopRates {
     /// The longest time from a release to its start, since the loop began or its counts were reset,
     /// in µs.
     pub worst_lateness_us: f64,
+    /// Percentiles of the times from releases to their starts, since the loop began or its counts were
+    /// reset.
+    pub lateness_percentiles_us: Percentiles,
+    /// Percentiles of the times of runs, since the loop began or its counts were reset; `None` as for
+    /// `run_us`.
+    pub run_percentiles_us: Option<Percentiles>,
     /// The number of its runs since it began or its counts were reset; wraps.
     pub runs: u64,
     /// The number of overruns, releases that were skipped, since it began or its counts were reset;
@@ -50,6 +56,21 @@ pub struct LoopRates {
     pub enabled: bool,
     /// Whether it was disabled by an overrun or, where loops run in threads, by a panic.
     pub faulted: bool,
+    /// Whether each release is computed when it is due, because the event table has no room for the rates
+    /// of the processor's loops.
+    pub computed: bool,
+}
+
+/// Percentiles of a measured time, in µs. Each is at most half longer than the exact one, and not longer than the
+/// longest time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// The time that 50 % of all do not exceed.
+    pub p50: f64,
+    /// The time that 99 % of all do not exceed.
+    pub p99: f64,
+    /// The time that 99.9 % of all do not exceed.
+    pub p99_9: f64,
 }
 
 impl View {
@@ -64,7 +85,7 @@ impl View {
         for object in self.objects(processor, ObjectKind::Loop)? {
             let counts = loops::read(&region, &object);
             let counts = counts.map_err(|source| ViewError::Memory { processor, source })?;
-            found.extend(counts.map(|counts| (object.name.to_string(), counts)));
+            found.extend(counts.map(|(counts, times)| (object.name.to_string(), counts, times)));
         }
         Ok(LoopSample {
             at: Instant::now(),
@@ -85,9 +106,9 @@ impl LoopSample {
     #[must_use]
     pub fn since(&self, before: Option<&Self>) -> Vec<LoopRates> {
         let before = before.filter(|before| before.incarnation == self.incarnation);
-        let rates = |(name, now): &(String, Statistics)| {
+        let rates = |(name, now, times): &(String, Statistics, LoopTimes)| {
             let earlier = before.and_then(|before| {
-                let same = before.loops.iter().find(|(other, _)| other == name)?;
+                let same = before.loops.iter().find(|(other, ..)| other == name)?;
                 let releases = now.released.wrapping_sub(same.1.released);
                 let seconds = match releases {
                     0 => self.at.duration_since(before.at).as_secs_f64(),
@@ -95,7 +116,7 @@ impl LoopSample {
                 };
                 Some((&same.1, seconds))
             });
-            rates(name, now, earlier, self.simulated)
+            rates(name, (now, times), earlier, self.simulated)
         };
         self.loops.iter().map(rates).collect()
     }
@@ -103,11 +124,11 @@ impl LoopSample {
     /// Returns the activity of each loop from its beginning to this sample.
     #[must_use]
     pub fn overall(&self) -> Vec<LoopRates> {
-        let overall = |(name, counts): &(String, Statistics)| {
+        let overall = |(name, counts, times): &(String, Statistics, LoopTimes)| {
             let seconds = float(counts.released) / counts.rate.as_hz();
             let beginning = beginning(counts);
             let since = Some((&beginning, seconds));
-            rates(name, counts, since, self.simulated)
+            rates(name, (counts, times), since, self.simulated)
         };
         self.loops.iter().map(overall).collect()
     }
@@ -132,7 +153,7 @@ const fn float(count: u64) -> f64 {
 
 fn rates(
     name: &str,
-    now: &Statistics,
+    (now, times): (&Statistics, &LoopTimes),
     before: Option<(&Statistics, f64)>,
     simulated: bool,
 ) -> LoopRates {
@@ -156,6 +177,14 @@ fn rates(
         _ => mean(now.total_run, now.run),
     };
     let has_times = !simulated || now.worst_run > 0;
+    let percentiles = |of: &Histogram, longest: u32| {
+        let at = |percent| us(of.percentile(percent).min(longest).into());
+        Percentiles {
+            p50: at(50.0),
+            p99: at(99.0),
+            p99_9: at(99.9),
+        }
+    };
     let utilisation = since.map(|(_, total, seconds)| us(total) / 1e6 / seconds);
     LoopRates {
         name: name.into(),
@@ -165,10 +194,13 @@ fn rates(
         worst_run_us: has_times.then(|| us(now.worst_run.into())),
         utilisation: utilisation.filter(|_| has_times),
         worst_lateness_us: us(now.worst_lateness.into()),
+        lateness_percentiles_us: percentiles(&times.lateness, now.worst_lateness),
+        run_percentiles_us: has_times.then(|| percentiles(&times.runs, now.worst_run)),
         runs: now.run,
         overruns: now.skipped,
         enabled: now.enabled,
         faulted: now.faulted,
+        computed: now.computed,
     }
 }
 
@@ -184,6 +216,7 @@ mod tests {
             frequency: Rate::hz(1_000_000_000),
             enabled: true,
             faulted: false,
+            computed: false,
             released: run,
             run,
             skipped: 3,
@@ -197,11 +230,30 @@ mod tests {
         }
     }
 
+    fn times() -> LoopTimes {
+        let mut classes = [0; 64];
+        // 32 768 to 49 151 ns, and 49 152 to 65 535 ns.
+        (classes[30], classes[31]) = (99, 1);
+        let lateness = Histogram::new(classes);
+        LoopTimes {
+            lateness,
+            runs: lateness,
+        }
+    }
+
+    #[test]
+    fn percentiles_are_ends_of_classes_and_not_above_the_longest() {
+        let rates = rates("servo", (&counts(100, 0), &times()), None, false);
+        let Percentiles { p50, p99, p99_9 } = rates.lateness_percentiles_us;
+        assert_eq!([p50, p99, p99_9], [49.151, 49.151, 52.0]);
+        assert_eq!(rates.run_percentiles_us.unwrap().p99_9, 65.535);
+    }
+
     #[test]
     fn rates_are_those_between_two_samples_also_where_counts_wrap() {
         let before = counts(u64::MAX - 99, 1_000_000);
         let now = counts(300, 21_000_000);
-        let rates = rates("servo", &now, Some((&before, 1.0)), false);
+        let rates = rates("servo", (&now, &times()), Some((&before, 1.0)), false);
         assert_eq!(rates.reached_hz, Some(400.0));
         assert_eq!(rates.run_us, Some(50.0));
         assert_eq!(rates.utilisation, Some(0.02));
@@ -218,8 +270,14 @@ mod tests {
             worst_lateness: 0,
             ..declared
         };
-        let since =
-            |counts: &Statistics| rates("servo", counts, Some((&beginning(counts), 1.0)), true);
+        let since = |counts: &Statistics| {
+            rates(
+                "servo",
+                (counts, &times()),
+                Some((&beginning(counts), 1.0)),
+                true,
+            )
+        };
         let measured = |rates: LoopRates| (rates.run_us, rates.worst_run_us, rates.utilisation);
         let all = (Some(50.0), Some(80.0), Some(0.015));
         assert_eq!(measured(since(&declared)), all);
@@ -233,7 +291,7 @@ mod tests {
             at: Instant::now(),
             incarnation: 1,
             simulated: false,
-            loops: vec![("servo".into(), counts(300, 15_000_000))],
+            loops: vec![("servo".into(), counts(300, 15_000_000), times())],
         };
         let mut skipping = sample.clone();
         skipping.loops[0].1.released = 400;
@@ -251,7 +309,7 @@ mod tests {
                 at: Instant::now(),
                 incarnation: 1,
                 simulated: false,
-                loops: vec![("servo".into(), counts)],
+                loops: vec![("servo".into(), counts, times())],
             }
         };
         let before = sample(u64::MAX - 99, 900);
@@ -271,7 +329,7 @@ mod tests {
             at: Instant::now(),
             incarnation,
             simulated: false,
-            loops: vec![("servo".into(), counts(run, 1000))],
+            loops: vec![("servo".into(), counts(run, 1000), times())],
         };
         let (old, new) = (sample(1, 4000), sample(2, 10));
         let rates = new.since(Some(&old));

@@ -7,7 +7,9 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use condor_host::application::{Application, Programs};
-use condor_host::description::{ClockKind, ClockSpeed, OnFailure, ProgramEntry, SystemDescription};
+use condor_host::description::{
+    ClockKind, ClockSpeed, OnFailure, ProgramEntry, SystemDescription, response_times_us,
+};
 use condor_host::error::AnyError;
 use condor_host::services::terminals::Script;
 
@@ -357,6 +359,28 @@ fn a_clock_is_real_unless_it_is_simulated_at_a_speed() {
         one(&times("[1, 1, 1, 1, 1, 1, 1, 1, 1]")),
         "11:17: a program has at most 8 servo loops, but here are 9 times"
     );
+}
+
+#[test]
+fn declared_loops_end_in_time_or_are_named() {
+    let text = |more: &str| {
+        let fast = "{ name = \"servo\", hz = 400, worst_us = 900, blocked_us = 50 }";
+        format!("{RIGHT}servo_loops = [{fast}, {{ name = \"slow\", hz = 50, {more} }}]")
+    };
+    let (_place, file) = place();
+    let described = SystemDescription::from_toml(&text("worst_us = 3000"), &file, &OWN).unwrap();
+    let loops = &described.processors[0].servo_loops;
+    // 3000 µs, and two runs of the faster loop.
+    assert_eq!(response_times_us(loops), [Some(950), Some(4800)]);
+    assert_eq!(
+        one(&text("worst_us = 13000, blocked_us = 20")),
+        "11:15: `slow` may end later than its period of 20000 µs: it runs for up to 13000 µs, is blocked for up to 20 µs, \
+         and faster loops take 36.0 % of the time; shorten runs, or lower the rate of `slow` or of a faster loop"
+    );
+    assert!(
+        one(&text("worst_us = 1").replace("= 50,", "= 0,")).contains("`slow` has the rate 0 Hz")
+    );
+    assert!(one(&text("worst = 1")).contains("worst_us"));
 }
 
 #[test]

@@ -12,7 +12,7 @@ use condor_dev::linux::{LinuxBus, MapAccess, UioInterrupts};
 use condor_mbox::linux::{LinuxDoorbell, LinuxSystem, LinuxWindow};
 use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
 use condor_mos::linux::{Privileges, RealTime, SignalPlatform, Threads};
-use condor_mos::{Loops, Rate};
+use condor_mos::{Histograms, Loops, Rate};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::bell::{ProcessBell, Ringing};
@@ -484,7 +484,7 @@ impl Machine for LinuxProcess {
                 let rates = servo::rates(loops)?;
                 let now = self.doorbell.now().as_ns();
                 let start = servo::first_release(now, NANOSECONDS, &rates, ahead);
-                let threads = Threads::new(&rates, urgent(*priority))?;
+                let threads = Threads::<Histograms>::keeping(&rates, &[], urgent(*priority))?;
                 servo::run(&threads, loops, start, || {
                     self.tell(&threads.privileges());
                     background(&threads)

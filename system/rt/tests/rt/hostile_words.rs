@@ -1,9 +1,9 @@
 //! What others find in a window may be anything; looking at it gives errors at most.
 
 use condor_mbox::{Allocator, MemoryWindow, Published, Region, StaticMemory};
-use condor_mos::{Rate, Statistics};
+use condor_mos::{Histogram, Rate, Statistics};
 use condor_rt::ShortText;
-use condor_rt::loops::{self, LoopReport};
+use condor_rt::loops::{self, LoopReport, LoopTimes};
 use condor_rt::objects::{self, NAME_BYTES, ObjectError, ObjectKind, ObjectTable, SharedObject};
 use proptest::prelude::*;
 
@@ -15,6 +15,7 @@ fn counts(released: u64) -> Statistics {
         frequency: Rate::hz(1_000_000_000),
         enabled: true,
         faulted: false,
+        computed: true,
         released,
         run: released - 3,
         skipped: 1,
@@ -26,6 +27,13 @@ fn counts(released: u64) -> Statistics {
         released_before: 7 << 40,
         total_before: 9 << 50,
     }
+}
+
+fn times(longest: u32) -> LoopTimes {
+    let mut classes = [7; 64];
+    classes[63] = longest;
+    let (lateness, runs) = (Histogram::new([1; 64]), Histogram::new(classes));
+    LoopTimes { lateness, runs }
 }
 
 #[test]
@@ -46,8 +54,9 @@ fn what_is_entered_is_found() {
         .unwrap();
     assert_eq!(loops::read(&own, &found).unwrap(), None, "unpublished");
     for released in [10, 11] {
-        servo.publish(&counts(released)).unwrap();
-        assert_eq!(loops::read(&own, &found).unwrap(), Some(counts(released)));
+        let all = (counts(released), times(released as u32));
+        servo.publish(&all.0, &all.1).unwrap();
+        assert_eq!(loops::read(&own, &found).unwrap(), Some(all));
     }
     let mut enter = |name: &str, number: u32| {
         table.enter(&mut allocator, name, ObjectKind::Other, number, 2 * number)
@@ -122,11 +131,11 @@ fn object(offset: u32, len: u32) -> SharedObject {
 
 #[test]
 fn counts_that_no_scheduler_wrote_are_none_or_can_be_printed() {
-    let memory = StaticMemory::<128>::new();
+    let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
-    let mut row = Published::<[u32; 22]>::at(0).publisher(own).unwrap();
+    let mut row = Published::<[u32; 150]>::at(0).publisher(own).unwrap();
     for (word, is_some) in [(0, false), (1, true), (u32::MAX, true)] {
-        row.publish(&[word; 22]).unwrap();
+        row.publish(&[word; 150]).unwrap();
         let read = loops::read(&own, &object(0, 400)).unwrap();
         assert_eq!(read.is_some(), is_some, "{word}");
         look(&own, &object(0, 400));
@@ -194,7 +203,8 @@ proptest! {
 }
 
 fn look<W: condor_mbox::MemoryWindow + Clone>(region: &Region<W>, object: &SharedObject) {
-    if let Ok(Some(counts)) = loops::read(region, object) {
-        let _ = format!("{} {counts:#} {counts}", object.name);
+    if let Ok(Some((counts, times))) = loops::read(region, object) {
+        let median = times.runs.percentile(50.0);
+        let _ = format!("{} {counts:#} {counts} {median}", object.name);
     }
 }

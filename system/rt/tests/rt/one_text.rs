@@ -123,7 +123,7 @@ fn counts(region: &Region<impl MemoryWindow + Clone>) -> Statistics {
     let servo = objects::find(region, "servo", ObjectKind::Loop)
         .unwrap()
         .unwrap();
-    loops::read(region, &servo).unwrap().unwrap()
+    loops::read(region, &servo).unwrap().unwrap().0
 }
 
 fn overruns_in_virtual_time() -> Statistics {

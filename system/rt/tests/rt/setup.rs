@@ -13,7 +13,8 @@ use condor_rt::objects;
 use condor_rt::{HANDLERS, LOOPS, Machine, PROCESSORS, Program, ProgramError, ServoLoop, Setup};
 use condor_rt::{loops, sim, users};
 use condor_vars::{
-    AnyValue, Cell, Param, VARS, ValueKind, Var, VariableClient, VariableTable, Vars, cell_struct,
+    AnyValue, Cell, Param, RequestError, VARS, ValueKind, Var, VariableClient, VariableTable, Vars,
+    cell_struct,
 };
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -45,13 +46,12 @@ impl Program for Servo {
                 assert_eq!(tick.due.as_ns(), due_ns);
                 let _ = angle.publish(&runs);
             })
-            .servo_with("slow", Rate::hz(50), Overrun::CatchUp(1), &mut |tick| {
+            .servo_with("slow", Rate::hz(100), Overrun::CatchUp(1), &mut |tick| {
                 slow.store(tick.number, Relaxed);
                 let _ = tick.send(HOST, ASK, tick.number);
             })
             .background(|background| {
                 background.print(format_args!("up\r\n"));
-                background.set_rate("slow", Rate::hz(100))?;
                 while !background.is_stopping() {
                     background.serve(Duration::from_millis(20))?;
                 }
@@ -95,8 +95,9 @@ fn a_program_is_what_its_setup_says() {
             let find = |name, kind| objects::find(&region, name, kind).unwrap().unwrap();
             find("console", objects::ObjectKind::Terminal);
             let slow = find("slow", objects::ObjectKind::Loop);
-            let counts = loops::read(&region, &slow)?.unwrap();
+            let (counts, times) = loops::read(&region, &slow)?.unwrap();
             assert!(counts.run > 20, "{counts}");
+            assert!(times.runs.total() > 20);
             let angle: Subscriber<u32, _> =
                 Published::at(find("angle", objects::ObjectKind::Other).offset)
                     .subscriber(region.clone())?;
@@ -128,11 +129,11 @@ impl Program for Joint {
         let torques = Vars::<u32, 2>::numbered("torque", "mN m");
         let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0, 0.0..=50.0);
         let beats = Var::<u64>::new("beats", "");
-        let rest_hz = Param::new("rest.hz", "Hz", 0, 0..=400);
         let mut angle = 0.0;
         let mut setup = Setup::new(machine)?;
         let mut contact = setup.publish_fields::<Contact>("contact")?;
         setup
+            .fixed()
             .servo("silent", Rate::hz(100), &mut |_| ())
             .watch(&position)
             .watch(&torques)
@@ -144,9 +145,9 @@ impl Program for Joint {
                 let (force, fingers) = (1.5, 3);
                 let _ = contact.publish(&Contact { force, fingers });
             })
-            .servo_at("rest", &rest_hz, &mut |_| {
-                assert_eq!(rest_hz.get(), 200);
-            })
+            .rates(0.0..=800.0)
+            .servo("rest", Rate::hz(100), &mut |_| ())
+            .fixed()
             .watch(&beats)
             .servo("slow", Rate::hz(10), &mut |tick| {
                 beats.set(tick.number.into());
@@ -323,24 +324,42 @@ fn what_loops_show_is_watched_and_set() {
 
             let counts = || {
                 let rest = objects::find(&joint, "rest", objects::ObjectKind::Loop).unwrap();
-                loops::read(&joint, &rest.unwrap()).unwrap().unwrap()
+                loops::read(&joint, &rest.unwrap()).unwrap().unwrap().0
             };
-            assert!(!counts().enabled);
-            let table = VariableTable::open(&joint, rest.1).unwrap();
-            let rest_hz = table.entry(0).unwrap();
-            let mut set = |from, to| {
-                let (from, to) = (AnyValue::Uint(from), AnyValue::Uint(to));
+            let mut now = 100.0;
+            // The table has no room for 400 Hz and 59.94 Hz, so their instants are computed.
+            for hz in [800.0, 59.94, 0.0, 0.5, 200.0] {
+                let table = VariableTable::open(&joint, rest.1).unwrap();
+                let rest_hz = table.find("rest.hz").unwrap().unwrap();
+                let (from, to) = (AnyValue::F64(now), AnyValue::F64(hz));
                 client.set(&table, &rest_hz, from, to, SECOND).unwrap();
-            };
-            set(0, 200);
-            while counts().run < 20 {
-                mailbox.serve(Duration::from_millis(10))?;
+                let is_followed = || {
+                    let counts = counts();
+                    let same = (counts.rate.as_hz() - hz).abs() < 1e-9;
+                    if hz < 0.1 {
+                        !counts.enabled
+                    } else {
+                        counts.enabled && same
+                    }
+                };
+                while !is_followed() {
+                    mailbox.serve(Duration::from_millis(10))?;
+                }
+                assert_eq!(counts().computed, hz < 800.0);
+                let released = counts().released;
+                while hz > 1.0 && counts().released < released + 20 {
+                    mailbox.serve(Duration::from_millis(10))?;
+                }
+                now = hz;
             }
-            assert_eq!(counts().rate, Rate::hz(200));
-            set(200, 0);
-            while counts().enabled {
-                mailbox.serve(Duration::from_millis(10))?;
-            }
+            let table = VariableTable::open(&joint, rest.1).unwrap();
+            let rest_hz = table.find("rest.hz").unwrap().unwrap();
+            let (from, to) = (AnyValue::F64(now), AnyValue::F64(801.0));
+            let refused = client.set(&table, &rest_hz, from, to, SECOND);
+            assert!(
+                matches!(refused, Err(RequestError::OutOfBounds { .. })),
+                "{refused:?}"
+            );
 
             let cell = Cell::open(&joint, contact.1).unwrap();
             let mut bytes = [0; 8];
@@ -350,7 +369,7 @@ fn what_loops_show_is_watched_and_set() {
             Ok::<_, ProgramError>(())
         })
         .unwrap();
-    system.run_until(2_000_000_000).unwrap();
+    system.run_until(6_000_000_000).unwrap();
 }
 
 /// The text of the error that a setup ends with.

@@ -462,7 +462,7 @@ impl Master<'_> {
                 .map(Result::unwrap)
             {
                 if object.kind == ObjectKind::Loop
-                    && let Some(counts) = loops::read(&region, &object).unwrap()
+                    && let Some((counts, _)) = loops::read(&region, &object).unwrap()
                 {
                     let counts = (number.0, counts.run, counts.skipped);
                     self.run.counts.push(counts);

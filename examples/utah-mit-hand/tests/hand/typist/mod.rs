@@ -532,7 +532,7 @@ impl Typist<'_> {
             let region = self.region(number);
             let loops_there = table::all(&region).unwrap().map(Result::unwrap);
             for object in loops_there.filter(|object| object.kind == ObjectKind::Loop) {
-                let counts = loops::read(&region, &object).unwrap().unwrap();
+                let (counts, _) = loops::read(&region, &object).unwrap().unwrap();
                 all.push((number.0, counts.run, counts.skipped));
             }
         }

@@ -13,7 +13,7 @@ use crate::ui::scroll::scroll;
 use crate::ui::window::WindowId;
 use condor_host::control::{ClockStatus, Member, SystemStatus};
 use condor_host::error::me;
-use condor_host::view::{LoopRates, VectorCounts};
+use condor_host::view::{LoopRates, Percentiles, VectorCounts};
 
 mod choices;
 mod log;
@@ -81,10 +81,13 @@ fn model() -> Model {
         worst_run_us: Some(2345.6),
         utilisation: Some(0.0494),
         worst_lateness_us: 98_765.4,
+        lateness_percentiles_us: Percentiles::default(),
+        run_percentiles_us: None,
         runs: 4000,
         overruns: 17,
         enabled: true,
         faulted: false,
+        computed: false,
     };
     model.loops = NAMES.map(|name| row(name, &rates)).into();
     let vector = VectorCounts {

@@ -54,7 +54,7 @@ pub(crate) fn watch<B: Backend<Window: Clone>>(mut mailbox: Mailbox<'_, B, PROCE
             .unwrap();
         let is_late = mailbox.doorbell().now() > until;
         match loops::read(&region, &servo).unwrap() {
-            Some(counts) if counts.run >= 80 || is_late => {
+            Some((counts, _)) if counts.run >= 80 || is_late => {
                 let ticks = objects::find(&region, "ticks", ObjectKind::Other)
                     .unwrap()
                     .unwrap();

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use condor_debug::{Breakpoint, ProgramState, Tracer};
-use condor_host::view::View;
+use condor_host::view::{LoopRates, View};
 use condor_mbox::Processor;
 use qemu_virt_host::MachineMemory;
 
@@ -121,6 +121,50 @@ fn killed_debuggers_leave_programs_as_they_were() {
     );
     assert!(released > before[0], "the other hart stands");
     assert_eq!(skipped, before[1], "loops of the other hart have overruns");
+}
+
+#[test]
+#[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
+fn loops_of_a_hart_follow_the_rates_that_people_set() {
+    let up = up_exactly();
+    let set = |hz: &str| {
+        let mut command = Command::new(DRILLS);
+        let command = command.env("XDG_RUNTIME_DIR", up.place());
+        let set = command.args(["vars", "set", "two:slow.hz", hz]).output();
+        set.unwrap()
+    };
+    let begun = Instant::now();
+    // 400 Hz and 33.3 Hz repeat after 10 s, for which no table has room.
+    for (hz, rate, computed) in [("20", 20.0, false), ("0", 0.0, false), ("33.3", 33.3, true)] {
+        let done = set(hz);
+        assert!(done.status.success(), "{done:?}");
+        loop {
+            let loops = view(&up).loops(Processor(2)).unwrap().overall();
+            // While the program publishes them, there is nothing to see.
+            let slow = loops.iter().find(|it| it.name == "slow");
+            let follows = |slow: &LoopRates| {
+                let has_rate = (slow.rate_hz - rate).abs() < 1e-9 && slow.computed == computed;
+                slow.enabled != (rate < 1.0) && (has_rate || rate < 1.0)
+            };
+            if slow.is_some_and(follows) {
+                break;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(600), "{slow:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+    let refused = String::from_utf8(set("51").stderr).unwrap();
+    assert!(
+        refused.contains("must be from 0.0 to 50.0 Hz, not 51.0"),
+        "{refused}"
+    );
+    let [_, before] = releases(&up, 2);
+    let [_, skipped] = after(&up, 2, STARTED);
+    assert_eq!(skipped, before);
+    let loops = view(&up).loops(Processor(2)).unwrap().overall();
+    let times = loops.iter().filter_map(|it| it.run_percentiles_us);
+    assert!(times.map(|it| it.p50).all(|median| median > 0.0));
+    up.end();
 }
 
 /// The number of releases after which a processor that was started is not late any more because another one

@@ -40,6 +40,6 @@ pub(crate) fn kept() {
 fn scheduler<const E: usize>() {
     keep! {
         Loops<E>: with_rates, assign::<Nothing>, is_changing, start, start_at, stop, enable, disable,
-            set_rate, statistics, reset_statistics;
+            set_rate, statistics, histograms, reset_statistics;
     }
 }
