@@ -68,6 +68,15 @@ pub trait Doorbell: Clock {
         true
     }
 
+    /// Returns true if a sender waits for `listener` while it [listens](crate::Mailbox::listen) and has not taken
+    /// earlier messages.
+    ///
+    /// Return false where a program must run alike however fast `listener` is: the listener then misses messages.
+    fn waits_for_listener(&self, listener: Processor) -> bool {
+        let _ = listener;
+        true
+    }
+
     /// Returns the state, as far as the platform knows it, of the program that holds `processor`.
     ///
     /// A mailbox calls it about every 250 µs while it waits for that processor.
@@ -98,6 +107,10 @@ impl<T: Deref<Target: Doorbell>> Doorbell for T {
 
     fn ends_serving(&self, sender: Processor) -> bool {
         (**self).ends_serving(sender)
+    }
+
+    fn waits_for_listener(&self, listener: Processor) -> bool {
+        (**self).waits_for_listener(listener)
     }
 
     fn evidence(&self, processor: Processor) -> Evidence {

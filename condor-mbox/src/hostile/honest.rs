@@ -260,6 +260,7 @@ impl Program {
             let set = mailbox.set_vector(vector, handler, "honest");
             set.expect("a free vector");
         }
+        mailbox.set_listener(handler);
         mailbox.set_waiting(Waiting::Sleep);
         mailbox.join().expect("to join");
         self.world.put_mailbox(self.number, Some(mailbox));

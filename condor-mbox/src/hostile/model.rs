@@ -235,9 +235,12 @@ impl Model {
     /// Records that a handler of `me` for `call` is about to return `value`.
     pub(super) fn ended(&mut self, me: usize, call: &Call<'_>, value: u32) {
         self.handled += 1;
+        if call.addressee().index() != me {
+            return;
+        }
         let counts = &mut self.known[me].handled;
         counts[call.vector().index()] = counts[call.vector().index()].wrapping_add(1);
-        if call.addressee().index() == me && self.is_honest(call.sender().index()) {
+        if self.is_honest(call.sender().index()) {
             let offer = &mut self.offers[call.data() as usize];
             assert_eq!(offer.reply, None, "a message ran twice");
             offer.reply = Some(value);

@@ -55,6 +55,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             served: Word::new(0),
             always: false,
             listening: listen::Listening::new(),
+            listener: None,
             #[cfg(feature = "async")]
             tasks: super::tasks::Tasks::new(),
         };

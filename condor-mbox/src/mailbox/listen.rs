@@ -8,7 +8,7 @@ use core::cell::Cell;
 use core::time::Duration;
 
 use super::Mailbox;
-use super::messenger::Call;
+use super::messenger::{Call, Handler};
 use super::peer::{Peer, Word};
 use super::wait::{End, Watch};
 use crate::backend::Backend;
@@ -16,11 +16,10 @@ use crate::doorbell::{Doorbell as _, Evidence};
 use crate::error::{MailboxError, SendProgress};
 use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
-use crate::layout::vector::HANDLED;
 use crate::layout::{self, JOINING, SLOTS, entry, header, kind};
 use crate::mail::{At, Entry};
 use crate::time::{Clock as _, Instant};
-use crate::window::{LoadOrder, StoreOrder};
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
 /// The notes of a mailbox about the number that it listens to.
 pub(super) struct Listening<const N: usize> {
@@ -62,16 +61,26 @@ impl<const N: usize> Listening<N> {
     }
 }
 
+impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
+    /// Sets the handler that runs for each message that this mailbox hears, whatever its vector,
+    /// while it [listens](Self::listen) to another number. Its result is dropped: only the processor
+    /// to which the message was sent replies. It replaces the handler that was set before.
+    pub fn set_listener(&mut self, handler: Handler<'v>) {
+        self.listener = Some(handler);
+    }
+}
+
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Makes this mailbox listen to `number`: from the return of this call on, it receives every
-    /// message that is sent to the processor `number`, as that processor (the *holder*) does. This
-    /// mailbox's handler for the vector runs, if there is one, and its result is dropped; only the
-    /// holder replies.
+    /// Makes this mailbox listen to `number`: from the return of this call on, it hears every
+    /// message that is sent to the processor `number`, as that processor (the *holder*) does. The
+    /// handler of [`set_listener`](Self::set_listener) runs for each of them.
     ///
-    /// Senders wait for a listener as they wait for the holder, within their deadline. A listener
+    /// Senders wait for a listener as they wait for the holder, but for 100 ms and half of their timeout
+    /// at most, and then no more until it has caught up. A listener
     /// that does not keep up loses messages, which [`missed`](Self::missed) counts; servo loops do
-    /// not wait for listeners at all. When the holder begins a new incarnation, listening
-    /// continues. A mailbox listens to one number at a time; `None` ends listening.
+    /// not wait for listeners at all, and a [`Doorbell`](crate::Doorbell::waits_for_listener) can
+    /// name listeners for which nobody waits. When the holder begins a new incarnation, listening continues. A mailbox listens to one number at a time; `None` ends
+    /// listening. Only the background may call this function.
     ///
     /// ```
     /// use std::sync::atomic::{AtomicU32, Ordering};
@@ -99,7 +108,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///     0 // to nobody
     /// };
     /// let mut listener = system.mailbox(LISTENER)?;
-    /// listener.set_vector(PLACE, &log, "log places")?;
+    /// listener.set_listener(&log);
     /// listener.join()?;
     /// listener.listen(Some(HOLDER), SECOND)?;
     ///
@@ -118,11 +127,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] if the holder does not admit this mailbox in
     /// time; [`MailboxError::PeerDied`], [`MailboxError::PeerLeft`] or [`MailboxError::PeerRestarted`] if the
     /// holder ends.
-    pub fn listen(
-        &mut self,
-        number: Option<Processor>,
-        timeout: Duration,
-    ) -> Result<(), MailboxError> {
+    pub fn listen(&self, number: Option<Processor>, timeout: Duration) -> Result<(), MailboxError> {
         if number == Some(self.me) {
             return Err(MailboxError::ListensToItself { number: self.me });
         }
@@ -130,7 +135,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let deadline = begun.after(timeout);
         let left = || Duration::from_nanos(deadline.ns_since(self.doorbell.now()));
         if let Some(former) = self.listens_to() {
-            self.stop_hearing()?;
+            self.exclusion.with(|| self.stop_hearing())?;
             // A former holder that takes no requests must not take all the time of the new one.
             let timeout = number.map_or(timeout, |_| timeout / 2);
             // A holder that is gone has forgotten us anyway.
@@ -166,14 +171,23 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             End::Left => return Err(MailboxError::PeerLeft { to, progress }),
             End::Restarted => return Err(MailboxError::PeerRestarted { to, progress }),
         }
+        // A context that serves meanwhile sees all of this, or nothing.
+        self.exclusion
+            .with(|| self.begin_to_hear(peer, incarnation))
+    }
+
+    /// Begins to hear the holder's messages, of which those that it has taken were sent before.
+    fn begin_to_hear(
+        &self,
+        holder: &Peer<B::Window, N>,
+        incarnation: u32,
+    ) -> Result<(), MailboxError> {
         for (sender, progress) in self.peers.iter().zip(&self.listening.senders) {
             progress.missed.set(0);
-            // A sender whose memory is gone sends nothing; it is heard from its next incarnation on.
-            let present = sender.load_present().unwrap_or(JOINING);
-            // The messages that the holder has taken by now were sent before. Its count is of this incarnation
-            // of the sender only once it has acknowledged that. Acquire: pairs with the Release store in
-            // `acknowledge`.
-            let word = |offset| peer.mail().load(offset, LoadOrder::Acquire);
+            let present = latest(sender);
+            // The holder's count is of this incarnation of the sender only once it has acknowledged that.
+            // Acquire: pairs with the Release store in `acknowledge`.
+            let word = |offset| holder.mail().load(offset, LoadOrder::Acquire);
             let taken = if word(sender.ours.acknowledged())? == present {
                 word(sender.ours.taken())?
             } else {
@@ -183,7 +197,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             self.start_hearing(sender.number, progress, epoch, taken)?;
         }
         self.listening.incarnation.set(incarnation);
-        self.listening.to.set(u32::from(to.0) + 1);
+        self.listening.to.set(u32::from(holder.number.0) + 1);
         Ok(())
     }
 
@@ -263,7 +277,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             let bit = 1 << listener.number.0;
             if self.untaken_by(listener, peer.epoch_out.get(), sequence) <= SLOTS {
                 lagging.set(lagging.get() & !bit);
-            } else if leave_behind {
+            } else if leave_behind || !self.doorbell.waits_for_listener(listener.number) {
                 lagging.set(lagging.get() | bit);
             } else if lagging.get() & bit == 0 {
                 keep_up = false;
@@ -312,7 +326,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         self.peers.iter().filter(has_bit)
     }
 
-    /// Runs our handler for one message to the number listened to, if there is a new one; returns
+    /// Runs the listener for one message to the number listened to, if there is a new one; returns
     /// whether there was.
     #[cold]
     #[inline(never)]
@@ -327,7 +341,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         for (sender, progress) in self.peers.iter().zip(&self.listening.senders) {
             if let Some((from, entry)) = self.hear_from(holder, sender, progress)? {
                 // The sender may wait for us to take it.
-                self.notify(sender.mail());
+                if self.doorbell.waits_for_listener(self.me) {
+                    self.notify(sender.mail());
+                }
                 self.run_heard(to, (sender.number, from), entry, deadline);
                 return Ok(true);
             }
@@ -335,7 +351,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(false)
     }
 
-    /// Returns the next message of `sender` and the incarnation in which it was sent.
+    /// Returns the next message of `sender` and the incarnation in which it was sent; 0 if that has ended.
     // Off the stack when the handler runs.
     #[inline(never)]
     fn hear_from(
@@ -352,9 +368,13 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             self.listening.incarnation.set(known);
         }
         self.exclusion.with(|| {
+            // The background may have begun to listen to another number.
+            if self.listens_to() != Some(holder.number) {
+                return Ok(None);
+            }
             // Loaded in the section: a context that was interrupted before must not go back to
             // the former epoch and hear the present one twice.
-            let (to, from) = (holder.present(), sender.present());
+            let (to, from) = (holder.present(), latest(sender));
             if matches!(to, 0 | JOINING) || matches!(from, 0 | JOINING) {
                 return Ok(None);
             }
@@ -365,7 +385,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             // Every slot may have been overrun.
             for _ in 0..=SLOTS {
                 match self.hear_alone(holder, sender, progress)? {
-                    Look::Heard(entry) => return Ok(Some((from, entry))),
+                    Look::Heard(entry) => return Ok(Some((sender.present(), entry))),
                     Look::Overrun => {}
                     Look::Nothing => break,
                 }
@@ -449,15 +469,15 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         deadline: Instant,
     ) {
         let vector = Vector(entry.kind.to_le_bytes()[0]);
-        let handler = self.handlers.get(vector.index()).copied().flatten();
-        let is_message = matches!(entry.kind & 0xff00, kind::SEND | kind::CALL);
+        let is_message = matches!(entry.kind & 0xff00, kind::SEND | kind::CALL)
+            && vector.index() < Vector::COUNT;
+        let listener = self.listener.filter(|_| is_message);
         let finish = FinishHeard {
             mailbox: self,
-            handled: handler.is_some() && is_message,
-            vector,
+            ends_serving: listener.is_some() && self.doorbell.ends_serving(sender),
         };
-        if let (Some(handler), true) = (handler, is_message) {
-            handler(&Call {
+        if let Some(listener) = listener {
+            listener(&Call {
                 messenger: self,
                 sender,
                 incarnation,
@@ -473,11 +493,21 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 }
 
+/// Returns the incarnation whose messages are in the rings of `sender`: the present one, or the last one if it has left,
+/// since it may leave before it was heard; 0 if there is none, or its memory is gone.
+fn latest<W: MemoryWindow, const N: usize>(sender: &Peer<W, N>) -> u32 {
+    match sender.present() {
+        0 => sender
+            .mail()
+            .look(At::header(header::LAST_INCARNATION), LoadOrder::Relaxed),
+        present => present,
+    }
+}
+
 /// Ends a heard message however its handler ends.
 struct FinishHeard<'f, 'v, B: Backend, const N: usize> {
     mailbox: &'f Mailbox<'v, B, N>,
-    handled: bool,
-    vector: Vector,
+    ends_serving: bool,
 }
 
 impl<B: Backend, const N: usize> Drop for FinishHeard<'_, '_, B, N> {
@@ -486,11 +516,8 @@ impl<B: Backend, const N: usize> Drop for FinishHeard<'_, '_, B, N> {
         let deepest = mailbox.depth.get() >= Call::MAX_DEPTH;
         mailbox.exclusion.with(|| {
             mailbox.depth.set(mailbox.depth.get().wrapping_sub(1));
-            if self.handled {
+            if self.ends_serving {
                 mailbox.served.set(mailbox.served.get().wrapping_add(1));
-                if let Ok(own) = mailbox.own() {
-                    own.count(At::<N>::vector(self.vector, HANDLED));
-                }
             }
         });
         if deepest {

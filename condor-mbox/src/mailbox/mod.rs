@@ -96,6 +96,8 @@ pub struct Mailbox<'v, B: Backend, const N: usize> {
     /// Whether `waiters` counts one that never ends, because rings are always wanted.
     always: bool,
     listening: listen::Listening<N>,
+    /// The handler of the messages that it hears.
+    listener: Option<Handler<'v>>,
     #[cfg(feature = "async")]
     tasks: tasks::Tasks,
 }

@@ -23,6 +23,9 @@ use crate::sync::{Ordering, fence};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, MemoryWindow};
 
+/// The longest time for which a sender waits for listeners; it is half of its timeout at most.
+const LISTENERS: Duration = Duration::from_millis(100);
+
 /// The reason why a request did not enter the ring.
 pub(super) enum Refusal {
     /// The two ends have not acknowledged each other.
@@ -210,9 +213,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
         let begun = self.doorbell.now();
         let deadline = begun.after(timeout);
-        // Listeners are waited for half of the time: one that falls behind, on purpose or not,
-        // must not keep a call from its reply.
-        let leave_behind_at = begun.after(timeout / 2);
+        // One that falls behind, on purpose or not, must not keep a call from its reply.
+        let leave_behind_at = begun.after(LISTENERS.min(timeout / 2));
         if matches!(refusal, Refusal::Listeners) {
             self.leave_dead_behind(peer);
         }

@@ -145,7 +145,7 @@ fn a_request_to_listen_is_no_message() {
 #[test]
 fn lost_memory_of_one_does_not_keep_others_from_listening() {
     let system = system();
-    let mut host = joined(&system, HOST);
+    let host = joined(&system, HOST);
     let _attended = attend(&system, joined(&system, OTHER));
     system.windows(HOSTILE)[1].mail.lose();
     assert_eq!(host.listen(Some(OTHER), SECOND), Ok(()));
@@ -154,7 +154,7 @@ fn lost_memory_of_one_does_not_keep_others_from_listening() {
 #[test]
 fn listen_ends_by_its_timeout_as_a_whole() {
     let system = system();
-    let mut host = joined(&system, HOST);
+    let host = joined(&system, HOST);
     let hostile = Hostile::of(&system);
     hostile.live(1);
     host.serve(Duration::ZERO).unwrap();

@@ -153,7 +153,7 @@ fn errors_carry_their_values() {
             processors: 2
         })
     );
-    let (mut system_of_one, number) = (SimSystem::<1>::in_virtual_time(0).mailbox(A).unwrap(), A);
+    let (system_of_one, number) = (SimSystem::<1>::in_virtual_time(0).mailbox(A).unwrap(), A);
     let itself = system_of_one.listen(Some(A), SECOND);
     assert_eq!(itself, Err(MailboxError::ListensToItself { number }));
     let vector = Vector(200);
@@ -232,8 +232,7 @@ fn a_listener_gets_each_message_and_the_holder_replies() {
             .push((call.sender(), call.addressee(), call.data()));
         999
     };
-    c.set_vector(V, Box::leak(Box::new(hear)), "overhears")
-        .unwrap();
+    c.set_listener(Box::leak(Box::new(hear)));
     c.join().unwrap();
     attend(&system, b);
     c.listen(Some(B), SECOND).unwrap();
@@ -249,6 +248,36 @@ fn a_listener_gets_each_message_and_the_holder_replies() {
     assert_eq!(c.missed(A), Ok(0));
 }
 
+/// As a command does that sends a message and ends.
+#[test]
+fn a_sender_that_has_left_is_heard_once() {
+    static HEARD: Mutex<Vec<(u32, u32)>> = Mutex::new(Vec::new());
+    fn note(call: &Call<'_>) -> u32 {
+        let mut heard = HEARD.lock().unwrap();
+        heard.push((call.sender_incarnation(), call.data()));
+        0
+    }
+    let (system, mut a, b) = pair_of::<3>();
+    attend(&system, b);
+    let mut c = system.mailbox(Processor(2)).unwrap();
+    c.set_listener(&note);
+    c.join().unwrap();
+    // Before anybody listened.
+    assert_eq!(a.send_with_reply(B, V, 1, SECOND), Ok(2));
+    a.leave().unwrap();
+    c.listen(Some(B), SECOND).unwrap();
+    for data in [2, 3] {
+        a.join().unwrap();
+        assert_eq!(a.send_with_reply(B, V, data, SECOND), Ok(2 * data));
+        a.leave().unwrap();
+        for _ in 0..2 {
+            c.serve(Duration::ZERO).unwrap();
+        }
+    }
+    assert_eq!(*HEARD.lock().unwrap(), [(0, 2), (0, 3)]);
+    assert_eq!(c.missed(A), Ok(0));
+}
+
 #[test]
 fn a_message_says_in_which_incarnation_it_was_sent() {
     static SEEN: Mutex<Vec<(Processor, u32)>> = Mutex::new(Vec::new());
@@ -260,7 +289,7 @@ fn a_message_says_in_which_incarnation_it_was_sent() {
     let (system, a, mut b) = pair_of::<3>();
     let mut c = system.mailbox(Processor(2)).unwrap();
     b.set_vector(Vector(1), &note, "notes").unwrap();
-    c.set_vector(Vector(1), &note, "overhears").unwrap();
+    c.set_listener(&note);
     c.join().unwrap();
     let b = attend(&system, b);
     c.listen(Some(B), SECOND).unwrap();
@@ -302,8 +331,7 @@ fn a_listener_that_always_hears_something_ends_its_wait() {
         }
         0
     };
-    c.set_vector(V, Box::leak(Box::new(hear)), "overhears")
-        .unwrap();
+    c.set_listener(Box::leak(Box::new(hear)));
     c.join().unwrap();
     c.listen(Some(B), SECOND).unwrap();
     a.send(B, V, 0, Duration::ZERO).unwrap();

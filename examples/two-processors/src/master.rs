@@ -10,12 +10,22 @@ use crate::{MOVE, SERVO};
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// The program of the master: it sends the angles in the file `moves`, one every two seconds, and those that a person
-/// types to the servo.
+/// types to the servo. It says when somebody else moves the joint.
 pub struct Master;
 
 impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
-        Setup::new(machine)?.console()?.files()?.background(lead)
+        Setup::new(machine)?
+            .console()?
+            .files()?
+            .listen(SERVO, &|call| {
+                // Others may move the joint, too: a person by `send`, for example.
+                if call.vector() == MOVE && call.sender() != call.number() {
+                    let (by, angle) = (call.sender(), call.data() as i32);
+                    call.print(format_args!("{by} moves the joint to {angle}\r\n"));
+                }
+            })
+            .background(lead)
     }
 }
 

@@ -82,6 +82,9 @@ enum Command {
     /// Sends a message to a vector (a numbered message handler)
     Send(commands::Send),
     /// Shows vectors (numbered message handlers), counts messages
+    ///
+    /// With --follow, it shows each message as it comes: when it was heard, its sender, receiver, vector and data. The
+    /// receiver gets it all the same.
     Vectors(commands::Vectors),
     /// Shows variables and parameters, and sets parameters
     ///

@@ -6,6 +6,7 @@
 //! | topic | type | messages |
 //! |---|---|---|
 //! | `/PROCESSOR/LOOP` | `condor_rows/msg/…`, see [`Layout`] | one for each row of the loop's variables, or for each value of a published cell |
+//! | `/PROCESSOR/messages` | `condor_rows/msg/…` | one for each message to the processor that was heard: its sender, vector and data; the tick is its number among the messages heard and missed, and `lost` counts those that were missed before it |
 //! | `/joint_states` | `sensor_msgs/msg/JointState` | one for each row that has positions of joints of the [`Robot`](condor_host::robot::Robot), with these joints |
 //! | `/tf` | `tf2_msgs/msg/TFMessage` | one for each of the same rows: the frames that these joints move |
 //! | `/tf_static` | `tf2_msgs/msg/TFMessage` | once: the frames that no row moves |

@@ -32,6 +32,8 @@ pub fn plain(text: &str) -> Cow<'_, str> {
 #[must_use]
 pub fn shown_lines(text: &str) -> String {
     let shown = |line: &str| {
+        // A terminal that makes `\r\n` of newlines makes more of those that are so already.
+        let line = line.trim_end_matches('\r');
         let last = line.rsplit('\r').next().unwrap_or_default();
         plain(&last.replace("\x1b[K", "")).into_owned()
     };
@@ -97,6 +99,7 @@ mod tests {
         assert_eq!(plain_lines("a\r\nb\x1b\n"), "a\nb\\u{1b}");
         let prompts = "\r> \x1b[Kenable\r\n\r> \x1b[K\r\x1b[Kdone\r\n\r> \x1b[K";
         assert_eq!(shown_lines(prompts), "> enable\ndone\n> ");
+        assert_eq!(shown_lines("1\r\r\n2\r\n"), "1\n2");
     }
 
     #[test]

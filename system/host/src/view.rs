@@ -5,12 +5,14 @@
 //! the state of terminals, and variables. To send messages, watch variables or set parameters, it
 //! must [join](View::join) first.
 
+mod hearing;
 mod interrupts;
 mod loops;
 mod terminals;
 mod variables;
 mod vectors;
 
+pub use hearing::{HeardMessage, Hearing, HearingEvent};
 pub use interrupts::BoardInterrupts;
 pub use loops::{LoopRates, LoopSample, Percentiles};
 pub use terminals::TerminalCounts;

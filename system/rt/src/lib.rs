@@ -77,7 +77,7 @@ pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
 pub use running::{Background, ConsoleOf, FILES, FilesOf, HandlerCall, LoopTick};
 pub use servo::{LOOPS, ServoLoop, on_one_stack};
-pub use setup::{HANDLERS, LoopFunction, MessageHandler, Setup, users};
+pub use setup::{HANDLERS, ListenerFunction, LoopFunction, MessageHandler, Setup, users};
 pub use silent::Silent;
 pub use stdio::{Stdio, Stream};
 pub use text::ShortText;

@@ -130,6 +130,8 @@ pub struct Background<'b, M: Machine> {
     pub(crate) names: &'b [&'b str],
     pub(crate) rates: &'b [FollowedRate<'b>],
     pub(crate) interrupts: Option<&'b dyn InterruptEntry>,
+    /// The processor whose messages the program hears.
+    pub(crate) listens: Option<Processor>,
     pub(crate) reports: RefCell<(Instant, Reports<M>)>,
 }
 
@@ -253,7 +255,8 @@ impl<'b, M: Machine> Background<'b, M> {
         self.show()
     }
 
-    /// Publishes the counts of the loops, and applies rates of loops that other programs have set.
+    /// Publishes the counts of the loops, applies rates of loops that other programs have set, and begins to
+    /// [listen](crate::Setup::listen) as soon as it can.
     /// Does nothing if it has done so less than 50 ms ago. Call this in a background that never
     /// calls [`serve`](Self::serve), which does the same.
     ///
@@ -265,12 +268,21 @@ impl<'b, M: Machine> Background<'b, M> {
             && now.ns_since(reports.0) >= REPORT_NS
         {
             reports.0 = now;
+            self.listen();
             if let Some(loops) = self.loops {
                 self.follow_rates(loops);
             }
             self.show_now(&mut reports.1)?;
         }
         Ok(())
+    }
+
+    /// Asks the processor that the program listens to, until that has answered once.
+    pub(crate) fn listen(&self) {
+        if self.listens.is_some() && self.mailbox.listens_to().is_none() {
+            // The next report asks again, if that processor is not up or has not answered yet.
+            let _ = self.mailbox.listen(self.listens, Duration::ZERO);
+        }
     }
 
     /// Changes the rates of loops to those that others have set.

@@ -47,6 +47,8 @@ const PARAMETERS: usize = VARIABLES + LOOPS;
 
 /// A function that handles messages, for [`Setup::on`]. Its result is the reply to the message.
 pub type MessageHandler<'e> = &'e (dyn Fn(&HandlerCall<'_>) -> u32 + Sync);
+/// A function that hears messages to another processor, for [`Setup::listen`].
+pub type ListenerFunction<'e> = &'e (dyn Fn(&HandlerCall<'_>) + Sync);
 /// The body of a servo loop, for [`Setup::servo`]. It runs once at each release of the loop.
 pub type LoopFunction<'e> = &'e mut (dyn FnMut(&mut LoopTick<'_>) + Send);
 
@@ -85,6 +87,7 @@ pub struct Setup<'e, M: Machine> {
     ahead: Duration,
     interrupts: Option<&'e dyn InterruptEntry>,
     handlers: List<(Vector, &'e str, MessageHandler<'e>), HANDLERS>,
+    listens: Option<(mbox::Processor, ListenerFunction<'e>)>,
     loops: List<Loop<'e>, LOOPS>,
     /// The rates that others may set for the loop that is added next.
     bounds: RateBounds,
@@ -166,6 +169,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             ahead: Duration::ZERO,
             interrupts: None,
             handlers: List::new(),
+            listens: None,
             loops: List::new(),
             bounds: RateBounds::Slower,
             watched: List::new(),
@@ -359,6 +363,23 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
+    /// Has the program hear the messages to the processor `number`, which gets them all the same and answers them.
+    /// `listener` runs for each of them, like a handler of [`on`](Self::on), and says by the vector, the sender and the
+    /// data which of them interest it.
+    ///
+    /// Hearing begins when that processor is up, and goes on after it was restarted. The background begins it, within
+    /// 50 ms, if it calls [`serve`](Background::serve) or [`show`](Background::show) often enough. Messages that come
+    /// too fast for this program are missed;
+    /// [`Background::mailbox`] counts them: see [`Mailbox::missed`](mbox::Mailbox::missed). A program can listen to one
+    /// number only. A.I. Memo 977, section 3.4: all that have expressed an interest are signalled.
+    pub fn listen(&mut self, number: mbox::Processor, listener: ListenerFunction<'e>) -> &mut Self {
+        if self.listens.replace((number, listener)).is_some() {
+            self.wrong
+                .get_or_insert(ProgramError::Twice { what: "listener" });
+        }
+        self
+    }
+
     /// Adds a variable, or a block of variables, to the servo loop that is added next, so that
     /// other programs can watch it. While a watcher has selected the variable, the loop samples it
     /// at each of its releases.
@@ -503,11 +524,9 @@ impl<'e, M: Machine> Setup<'e, M> {
         let screen = console.map(|console| console as &dyn Screen);
 
         // One handler knows all others, and wraps the mailbox's call: nothing is filled in late.
-        let dispatch = |call: &mbox::Call<'_>| {
-            let mut known = self.handlers.iter();
-            let handler = known.find(|(vector, ..)| *vector == call.vector());
-            handler.map_or(0, |(.., handler)| handler(&HandlerCall { call, screen }))
-        };
+        let (handlers, listens) = (&self.handlers, self.listens);
+        let dispatch =
+            |call: &mbox::Call<'_>| handle(handlers, listens, &HandlerCall { call, screen });
         let typed = |call: &mbox::Call<'_>| console.map_or(0, |console| console.receive(call));
         let open_files = area.map(Area::handler);
         let asked = |call: &mbox::Call<'_>| {
@@ -530,6 +549,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         for (vector, name, _) in self.handlers.iter() {
             mailbox.set_vector(*vector, &dispatch, name)?;
         }
+        mailbox.set_listener(&dispatch);
         mailbox.ring_always(machine.mail_interrupts())?;
         mailbox.join()?;
 
@@ -564,11 +584,13 @@ impl<'e, M: Machine> Setup<'e, M> {
                 names: &names,
                 rates: &rates,
                 interrupts: self.interrupts,
+                listens: listens.map(|(number, _)| number),
                 reports: RefCell::new((machine.doorbell().now(), reports)),
             };
             if let Some(loops) = loops {
                 running.follow_rates(loops);
             }
+            running.listen();
             if let Ok(mut reports) = running.reports.try_borrow_mut() {
                 running.show_now(&mut reports.1)?;
             }
@@ -715,6 +737,23 @@ fn followed<'r>(rates: &'r [Option<RateParam<'r>>]) -> Vec<FollowedRate<'r>, LOO
         let rate = rate.as_ref()?;
         Some((id, rate, Cell::new(rate.wanted())))
     }))
+}
+
+/// Runs the handler of a message to this program, or the listener for a message that it hears.
+fn handle(
+    handlers: &List<(Vector, &str, MessageHandler<'_>), HANDLERS>,
+    listens: Option<(mbox::Processor, ListenerFunction<'_>)>,
+    call: &HandlerCall<'_>,
+) -> u32 {
+    if call.addressee() != call.number() {
+        if let Some((_, listener)) = listens {
+            listener(call);
+        }
+        return 0;
+    }
+    let mut known = handlers.iter();
+    let handler = known.find(|(vector, ..)| *vector == call.vector());
+    handler.map_or(0, |(.., handler)| handler(call))
 }
 
 /// Runs `run`, and serves the interrupts of boards meanwhile, if there are some.

@@ -84,6 +84,10 @@ where
         !self.0.page().is_service(sender.0)
     }
 
+    fn waits_for_listener(&self, listener: mbox::Processor) -> bool {
+        self.0.page().is_processor(listener.0)
+    }
+
     fn evidence(&self, processor: mbox::Processor) -> Evidence {
         let page = self.0.page();
         if page.is_alive(processor.0) || page.is_service(processor.0) {

@@ -46,9 +46,9 @@ impl World {
                 (from, to, heard.vector),
                 (offer.from, offer.to, offer.vector)
             );
-            self.seats[me].counts[row(heard.vector)].handled += 1;
             let expected = if me == to {
                 offer.handled = true;
+                self.seats[me].counts[row(heard.vector)].handled += 1;
                 &mut self.rings[from][to]
             } else {
                 let hearing = self.hearing.as_mut().expect("nobody listens");

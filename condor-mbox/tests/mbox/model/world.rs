@@ -62,7 +62,7 @@ pub(super) struct Hearing {
     pub(super) expected: [VecDeque<u32>; N],
     /// Messages of each sender that must have been counted as missed.
     pub(super) missed: [u32; N],
-    /// Those that may have been: without a handler, or of an incarnation that is over.
+    /// Those that may have been: without a handler of the holder, which may have taken them before, or of an incarnation that is over.
     pub(super) perhaps: [u32; N],
 }
 
@@ -119,12 +119,13 @@ pub(super) fn row(vector: Vector) -> usize {
 
 pub(super) fn program(system: &SimSystem<N>, who: usize) -> Shared {
     let mut mailbox = system.mailbox(number(who)).unwrap();
+    let handler: Handler<'static> = match who {
+        0 => &handle::<0>,
+        1 => &handle::<1>,
+        _ => &handle::<2>,
+    };
+    mailbox.set_listener(handler);
     for vector in [VECTORS[0], VECTORS[1]] {
-        let handler: Handler<'static> = match who {
-            0 => &handle::<0>,
-            1 => &handle::<1>,
-            _ => &handle::<2>,
-        };
         mailbox.set_vector(vector, handler, "notes").unwrap();
     }
     mailbox.join().unwrap();

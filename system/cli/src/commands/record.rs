@@ -1,5 +1,7 @@
 //! `condor record`.
 
+mod messages;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -27,6 +29,7 @@ use condor_host::robot::Robot;
 use condor_host::signals;
 use condor_host::view::View;
 use condor_host::watching::{CatalogEntry, NewPrograms, RowSource, Rows, VariableCatalog};
+use messages::Messages;
 
 /// The arguments of `condor record`.
 #[derive(Debug, Args)]
@@ -36,6 +39,9 @@ pub(crate) struct Record {
     /// The variables, parameters and fields of published cells, as for `vars watch`; all of them by
     /// default
     names: Vec<String>,
+    /// Records the messages to this processor, too: sender, vector and data; may be given several times
+    #[arg(long, value_name = "PROCESSOR")]
+    messages: Vec<String>,
     /// Ends after this time, such as 10s; a system with a simulated clock counts simulated time
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     limit: Option<Duration>,
@@ -43,7 +49,7 @@ pub(crate) struct Record {
     #[arg(long, value_name = "TICKS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
     /// Completes a recording whose recorder was killed; records nothing new
-    #[arg(long, conflicts_with_all = ["names", "limit", "every", "system"])]
+    #[arg(long, conflicts_with_all = ["names", "messages", "limit", "every", "system"])]
     finish: bool,
     #[command(flatten)]
     how: How,
@@ -68,11 +74,18 @@ impl Record {
         };
         let followed = recorder.follow(ends);
         // The file is completed even after an error.
-        let written = match recorder.writer.end() {
+        let Recorder {
+            writer,
+            channels,
+            rows,
+            messages,
+            ..
+        } = recorder;
+        let written = match writer.end() {
             Ok(written) => written,
             Err(error) => return followed.and(Err(error.into())),
         };
-        self.summary(&written, &recorder.channels, &recorder.rows)?;
+        self.summary(&written, &channels, &rows, messages.as_ref())?;
         followed
     }
 
@@ -84,6 +97,7 @@ impl Record {
         robot: Option<&'v dyn Robot>,
         attached: &[AttachedFile],
     ) -> Result<Recorder<'v>, AnyError> {
+        messages::members(&running.status, &self.messages)?;
         let known = VariableCatalog::all(view, &running.status.processors)?;
         known.tell_troubles();
         let newcomers = NewPrograms::after(&known, &running.status.processors, &self.names);
@@ -116,19 +130,26 @@ impl Record {
         let pose = robot.and_then(|robot| PoseMessages::of(robot, &known, &columns, &rows.sources));
         let mut writer = Writer::create(&self.file, &origin)?;
         let made = describe(&mut writer, robot, pose.as_ref(), view.now().as_ns());
-        match made.and_then(|()| Self::channels(&mut writer, &columns, &rows, pose)) {
-            Ok((channels, pose)) => Ok(Recorder {
+        let add = || {
+            made?;
+            let (channels, pose) = Self::channels(&mut writer, &columns, &rows, pose)?;
+            let messages = Messages::begin(running, &self.messages, &mut writer)?;
+            Ok::<_, AnyError>((channels, pose, messages))
+        };
+        match add() {
+            Ok((channels, pose, messages)) => Ok(Recorder {
                 view,
                 rows,
                 newcomers,
                 channels,
+                messages,
                 events,
                 pose,
                 writer,
             }),
             Err(error) => {
                 writer.end()?;
-                Err(error.into())
+                Err(error)
             }
         }
     }
@@ -198,17 +219,20 @@ impl Record {
         written: &[TopicCounts],
         channels: &[u16],
         rows: &Rows<'_>,
+        messages: Option<&Messages<'_>>,
     ) -> Result<(), AnyError> {
         let source = |channel: u16| {
             let place = channels.iter().position(|it| *it == channel)?;
             rows.sources.get(place)
         };
+        let missed = |channel| messages.and_then(|it| it.missed(channel));
         if self.how.json {
             let topics: Vec<_> = (written.iter())
                 .map(|it| {
                     let source = source(it.channel);
                     let (lost, skipped) =
                         (source.map(RowSource::lost), source.map(RowSource::skipped));
+                    let lost = lost.or_else(|| missed(it.channel));
                     json!({
                         "topic": it.topic, "messages": it.messages, "bytes": it.bytes,
                         "lost": lost, "skipped": skipped, "dropped": it.dropped
@@ -224,13 +248,12 @@ impl Record {
                 0 => String::new(),
                 dropped => format!(", {dropped} dropped"),
             };
-            match source(it.channel) {
-                Some(source) => {
-                    let kept = source.kept(messages);
-                    eprintln!("{topic}: {kept}{dropped}, {bytes} bytes");
-                }
-                None => eprintln!("{topic}: {messages} messages{dropped}, {bytes} bytes"),
-            }
+            let kept = source(it.channel).map(|source| source.kept(messages));
+            let heard =
+                || missed(it.channel).map(|missed| format!("{messages} messages, {missed} missed"));
+            let counts = kept.or_else(heard);
+            let counts = counts.unwrap_or_else(|| format!("{messages} messages"));
+            eprintln!("{topic}: {counts}{dropped}, {bytes} bytes");
         }
         Ok(())
     }
@@ -331,6 +354,8 @@ struct Recorder<'v> {
     newcomers: NewPrograms,
     /// The channels of the sources of rows.
     channels: Vec<u16>,
+    /// The messages between processors that are recorded, if any.
+    messages: Option<Messages<'v>>,
     events: EventCollector<'v>,
     pose: Option<Moving<'v>>,
     writer: Writer,
@@ -398,9 +423,11 @@ impl Recorder<'_> {
         let is_alive = self.events.look(self.view, |level, source, text| {
             writer.event(now, level, source, text);
         });
+        let heard = self.messages.as_mut();
+        let heard = heard.map_or(Ok(()), |it| it.take(writer, now));
         // The rows that were read are written even after an error.
         self.writer.commit()?;
-        failed?;
+        failed.and(heard)?;
         read?;
         self.take_newcomers()?;
         is_alive

@@ -1,8 +1,13 @@
 //! `condor vectors`.
 
+pub(super) mod follow;
+
+use std::time::Duration;
+
 use clap::Args;
 use serde::Serialize;
 
+use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
 use crate::counts::{self, Row, table_of_vectors};
@@ -13,6 +18,12 @@ use condor_host::view::VectorCounts;
 pub(crate) struct Vectors {
     /// The name or the number of a processor or service; all of them by default
     processor: Option<String>,
+    /// Shows each message to the processor as it comes, or to all processors by default; Ctrl-C ends it
+    #[arg(long)]
+    follow: bool,
+    /// Ends following after this time, such as 10s
+    #[arg(long = "for", value_name = "TIME", requires = "follow", value_parser = duration)]
+    limit: Option<Duration>,
     #[command(flatten)]
     how: How,
 }
@@ -28,8 +39,12 @@ impl Vectors {
         let running = Running::find(&self.how.which)?;
         let members = match &self.processor {
             Some(text) => vec![running.member(text)?],
+            None if self.follow => running.status.processors.iter().collect(),
             None => running.status.members().collect(),
         };
+        if self.follow {
+            return follow::follow(&running, &members, self.limit, self.how.json);
+        }
         let vectors = counts::vectors(&running.view()?, members)?;
         if self.how.json {
             let system = &running.status.system;

@@ -55,7 +55,7 @@ const GROUPS: [(&str, &[Examples]); 7] = [
                 ],
             ),
             ("tty", &["tty master", "tty master < commands.txt"]),
-            ("vectors", &["vectors", "vectors master"]),
+            ("vectors", &["vectors", "vectors master --follow"]),
             ("log", &["log", "log --follow"]),
         ],
     ),
@@ -78,7 +78,10 @@ const GROUPS: [(&str, &[Examples]); 7] = [
         &[
             (
                 "record",
-                &["record run.mcap --for 10s", "record run.mcap 'index.*'"],
+                &[
+                    "record run.mcap --for 10s",
+                    "record run.mcap 'index.*' --messages master",
+                ],
             ),
             (
                 "export",

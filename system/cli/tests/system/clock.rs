@@ -11,7 +11,7 @@ use crate::diary::FILE;
 use crate::running::{self, DEADLINE, Up, kill, signal};
 use crate::supervisor::TWO;
 
-const SIMULATED: &[&str] = &["--clock", "simulated"];
+pub(crate) const SIMULATED: &[&str] = &["--clock", "simulated"];
 
 /// Two processors that write down what they do and ask each other.
 pub(crate) const DIARIES: &str = r#"
@@ -283,14 +283,14 @@ pub(crate) fn log(terminals: &Path, name: &str) -> String {
 }
 
 /// What the terminals and the files say after a run of the diaries.
-fn outcome(up: &Up) -> [String; 4] {
+pub(crate) fn outcome(up: &Up) -> [String; 4] {
     up.wait_for_end();
     let terminals = up.directory().terminals();
     let file = |number| up.file(&format!("files/diary-{number}"));
     [log(&terminals, "a"), log(&terminals, "b"), file(0), file(5)]
 }
 
-fn assert_same(one: &[String; 4], other: &[String; 4]) {
+pub(crate) fn assert_same(one: &[String; 4], other: &[String; 4]) {
     for (one, other) in one.iter().zip(other) {
         // The first line that differs says more than all of them; one may go on where the other ends.
         let (mut lines, mut others) = (one.lines(), other.lines());

@@ -11,6 +11,7 @@ mod disk;
 mod errors;
 mod extensions;
 mod family;
+mod hearing;
 mod joint;
 mod late;
 mod live;

@@ -86,6 +86,13 @@ impl Doorbell for ProcessBell {
         }
     }
 
+    fn waits_for_listener(&self, listener: Processor) -> bool {
+        match &self.ringing {
+            Ringing::Simulated(bell) => bell.waits_for_listener(listener),
+            Ringing::Real | Ringing::Spun(_) => true,
+        }
+    }
+
     fn evidence(&self, processor: Processor) -> Evidence {
         match &self.ringing {
             Ringing::Simulated(bell) if bell.evidence(processor) == Evidence::Alive => {

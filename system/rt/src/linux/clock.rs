@@ -328,6 +328,11 @@ impl Doorbell for HostBell {
         self.doorbell.wait(seen.0, until, whom);
     }
 
+    fn waits_for_listener(&self, listener: Processor) -> bool {
+        let mut clock = self.clock.iter();
+        clock.all(|clock| clock.page.is_processor(listener.0))
+    }
+
     fn evidence(&self, processor: Processor) -> Evidence {
         self.doorbell.evidence(processor)
     }

@@ -1,6 +1,7 @@
 //! Programs that say what they do.
 #![cfg(feature = "sim")]
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
@@ -68,6 +69,67 @@ impl Program for Servo {
                 Ok(())
             })
     }
+}
+
+static HEARD: Mutex<Vec<(Processor, Vector, u32)>> = Mutex::new(Vec::new());
+
+struct Adder;
+
+impl Program for Adder {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
+        Setup::new(machine)?
+            .on(ADD, "add", &|call| call.data() + 1)
+            .run()
+    }
+}
+
+/// Hears the messages to the servo, which begins later.
+struct Observer;
+
+impl Program for Observer {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
+        Setup::new(machine)?
+            .on(ADD, "own", &|_| {
+                unreachable!("the message is for another one")
+            })
+            .listen(SERVO, &|call| {
+                let message = (call.sender(), call.vector(), call.data());
+                HEARD.lock().unwrap().push(message);
+            })
+            .background(|background| {
+                while !background.is_stopping() {
+                    background.serve(Duration::from_millis(20))?;
+                }
+                assert_eq!(background.mailbox().missed(HOST)?, 0);
+                Ok(())
+            })
+    }
+}
+
+#[test]
+fn a_program_hears_the_messages_to_another_one() {
+    let mut system = sim::VirtualSystem::new(WINDOW_BYTES).unwrap();
+    system.spawn(Processor(0), &Observer).unwrap();
+    system.begin_at(SERVO, 200_000_000).unwrap();
+    system.spawn(SERVO, &Adder).unwrap();
+    system
+        .host(HOST, |machine| {
+            let mut mailbox = machine.mailbox()?;
+            mailbox.join()?;
+            machine.work(400_000_000);
+            for data in 0..20 {
+                assert_eq!(mailbox.send_with_reply(SERVO, ADD, data, SECOND)?, data + 1);
+            }
+            // Nobody handles it, and it is heard.
+            mailbox.send(SERVO, Vector(63), 20, SECOND)?;
+            machine.work(100_000_000);
+            Ok::<_, ProgramError>(())
+        })
+        .unwrap();
+    system.run_until(600_000_000).unwrap();
+    let expected = (0..20).map(|data| (HOST, ADD, data));
+    let expected: Vec<_> = expected.chain([(HOST, Vector(63), 20)]).collect();
+    assert_eq!(*HEARD.lock().unwrap(), expected);
 }
 
 #[test]

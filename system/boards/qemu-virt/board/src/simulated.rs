@@ -110,6 +110,14 @@ impl Doorbell for Bell<'_> {
         self.0.rings_always()
     }
 
+    fn ends_serving(&self, sender: Processor) -> bool {
+        self.0.ends_serving(sender)
+    }
+
+    fn waits_for_listener(&self, listener: Processor) -> bool {
+        self.0.waits_for_listener(listener)
+    }
+
     fn evidence(&self, processor: Processor) -> Evidence {
         let Bell(SimulatedBell(clock)) = self;
         if clock.page().takes_part(processor.0) {

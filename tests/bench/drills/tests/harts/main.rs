@@ -79,6 +79,30 @@ fn a_program_that_fails_says_why_in_the_log() {
 
 #[test]
 #[ignore = "needs QEMU and images: cargo xtask riscv"]
+fn the_host_hears_the_messages_to_a_hart() {
+    let up = Up::start(&processors(), NEEDS);
+    let mut observer = up.hearing("h0");
+    assert_eq!(up.ask(0, 41), 42);
+    let message = observer.line();
+    for field in [
+        "\"data\":41",
+        "\"to\":\"h0\"",
+        "\"vector\":12",
+        "\"missed\":0",
+    ] {
+        assert!(message.contains(field), "{message}");
+    }
+    // Its next program has another incarnation.
+    up.load("h0", &["echo"]);
+    assert_eq!(up.ask(0, 6), 7);
+    let message = observer.line();
+    assert!(message.contains("\"data\":6"), "{message}");
+    up.end();
+    assert!(observer.end().contains("the system has ended"));
+}
+
+#[test]
+#[ignore = "needs QEMU and images: cargo xtask riscv"]
 fn an_interrupt_that_nobody_handles_is_named_and_comes_no_more() {
     let up = Up::start(&processors(), NEEDS);
     up.load("h0", &["faulty", "interrupt"]);

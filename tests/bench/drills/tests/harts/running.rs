@@ -3,7 +3,7 @@
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use condor_host::control::{ControlClient, ControlEvents, ControlRequest, Member, MemberState};
@@ -23,6 +23,30 @@ pub(crate) fn image(name: &str) -> String {
 /// Returns the path of another program that was built with this one.
 pub(crate) fn host_program(name: &str) -> PathBuf {
     Path::new(DRILLS).with_file_name(name)
+}
+
+/// A program that shows the messages to a processor.
+pub(crate) struct Observer {
+    child: Child,
+    lines: BufReader<ChildStdout>,
+    told: BufReader<ChildStderr>,
+}
+
+impl Observer {
+    /// Returns the next line that it prints.
+    pub(crate) fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.lines.read_line(&mut line).unwrap();
+        line
+    }
+
+    /// Waits until it ends by itself, and returns the rest of what it told.
+    pub(crate) fn end(mut self) -> String {
+        let mut told = String::new();
+        self.told.read_to_string(&mut told).unwrap();
+        assert!(self.child.wait().unwrap().success(), "{told}");
+        told
+    }
 }
 
 /// A running `drills up`, which is killed with its children when the test ends.
@@ -145,6 +169,23 @@ impl Up {
         digits
             .parse()
             .unwrap_or_else(|_| panic!("{number}: {text}{error}"))
+    }
+
+    /// Starts a program that shows the messages to a processor, and waits until it hears them.
+    pub(crate) fn hearing(&self, name: &str) -> Observer {
+        let mut child = Command::new(DRILLS)
+            .env("XDG_RUNTIME_DIR", self.place.path())
+            .args(["vectors", name, "--follow", "--json"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap());
+        let mut told = BufReader::new(child.stderr.take().unwrap());
+        let mut line = String::new();
+        told.read_line(&mut line).unwrap();
+        assert!(line.contains("hears the messages"), "{line}");
+        Observer { child, lines, told }
     }
 
     /// Reads a terminal until `text` has come, and returns all that came.

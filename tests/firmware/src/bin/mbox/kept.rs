@@ -30,8 +30,8 @@ pub(crate) fn kept(mailbox: &Mail<'_>) {
     }
     black_box(answered as *const ());
     keep! {
-        Mail: join, leave, declare_stopped, windows, peer_state, region, owner, listen, listens_to,
-            missed, beat, set_vector, clear_vector, vector_statistics, set_waiting, ring_always,
+        Mail: join, leave, declare_stopped, windows, peer_state, region, owner, set_listener,
+            listen, listens_to, missed, beat, set_vector, clear_vector, vector_statistics, set_waiting, ring_always,
             wait_for_peer;
         VectorStatistics: name;
         Call<'_>: send, send_with_reply, begin, serve, refuse;
