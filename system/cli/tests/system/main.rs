@@ -20,5 +20,6 @@ mod recording;
 mod running;
 mod streams;
 mod supervisor;
+mod tuned;
 mod typing;
 mod writer;
