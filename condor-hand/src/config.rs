@@ -82,8 +82,11 @@ mod mistake;
 mod rotation;
 #[cfg(feature = "text")]
 mod text;
+mod tunable;
 mod views;
 mod wiring;
+
+pub(crate) use tunable::JointNumbers;
 
 #[cfg(feature = "text")]
 pub use condor_toml::TextError;
@@ -99,6 +102,9 @@ pub use hand::{
 pub use limits::{Limits, MotionLimits};
 pub use mistake::{Allowed, Mistake, MistakePath, MistakePlace, MistakeValue};
 pub use rotation::Rotation;
+#[cfg(feature = "text")]
+pub use text::line_of;
+pub use tunable::{AxisNumber, FaultNumber, JointNumber, MotionNumber, NumberName, NumberRange};
 pub use wiring::{Channel, Converter, InputChannel, OutputChannel, Wire};
 
 /// The name of a hand, a finger, a joint or an axis: UTF-8 text of at most 64 bytes.

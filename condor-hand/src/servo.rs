@@ -52,4 +52,5 @@ pub use finger::{FingerReadings, FingerServo, ServoOutput};
 pub use law::{PositionLaw, SoftStop};
 pub use mode::{JointTarget, ServoMode};
 pub use refusal::{ServoRefusal, TargetQuantity};
+pub(crate) use settings::JointCutoffs;
 pub use settings::{FingerSettings, JointGains, JointSettings};

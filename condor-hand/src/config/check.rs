@@ -6,6 +6,8 @@ mod machine;
 mod stop;
 
 use at::At;
+pub(super) use at::{cutoff_rules, range};
+pub(super) use stop::LOWER_CUTOFF;
 
 use super::{Hand, Mistake};
 

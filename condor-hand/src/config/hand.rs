@@ -127,7 +127,7 @@ pub struct Axis {
 }
 
 /// The gains and filters of the servo of a table axis.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisServoSettings {
     /// The gain of the position error, N/m.

@@ -21,6 +21,18 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     }
 }
 
+/// Returns the line, from 1, of the value at a path such as `fingers[0].joints[1].servo.kp` in the text of a
+/// configuration file. For a value that a joint leaves out it is the line of the default. Returns `None` if there is
+/// no such value, or the text is not TOML.
+#[must_use]
+pub fn line_of(text: &str, path: &str) -> Option<usize> {
+    let text = SourceText::new("", text);
+    let mut tree = text.parse().ok()?;
+    defaults::fill(&mut tree).ok()?;
+    let (value, is_whole) = nearest(&tree, path);
+    is_whole.then(|| text.line(value.span().start))
+}
+
 fn read<const FINGERS: usize, const JOINTS: usize>(
     mut tree: Spanned<DeValue<'_>>,
 ) -> Result<Hand<FINGERS, JOINTS>, Misreading> {
@@ -29,14 +41,16 @@ fn read<const FINGERS: usize, const JOINTS: usize>(
     match hand.check() {
         Ok(()) => Ok(hand),
         Err(mistake) => {
-            let span = nearest(&tree, &mistake.path).span();
+            let (nearest, _) = nearest(&tree, &mistake.path);
+            let span = nearest.span();
             Err(Misreading::at(&span, mistake))
         }
     }
 }
 
-/// The value at the end of a path such as `fingers[1].base`, or the last one on the way there.
-fn nearest<'a, 't>(tree: &'a Spanned<DeValue<'t>>, path: &str) -> &'a Spanned<DeValue<'t>> {
+/// The value at the end of a path such as `fingers[1].base`, or the last one on the way there; and whether it is the
+/// end.
+fn nearest<'a, 't>(tree: &'a Spanned<DeValue<'t>>, path: &str) -> (&'a Spanned<DeValue<'t>>, bool) {
     let mut value = tree;
     for step in path.split(['.', '[']) {
         let index = step.strip_suffix(']').and_then(|step| step.parse().ok());
@@ -46,8 +60,8 @@ fn nearest<'a, 't>(tree: &'a Spanned<DeValue<'t>>, path: &str) -> &'a Spanned<De
         };
         match next {
             Some(next) => value = next,
-            None => break,
+            None => return (value, false),
         }
     }
-    value
+    (value, true)
 }

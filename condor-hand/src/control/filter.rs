@@ -62,6 +62,22 @@ impl<T: Real, const L: usize> LowPass<T, L> {
         Ok(Self { alpha, output })
     }
 
+    /// Changes the cutoff of the filter of a signal, as in [`new`](Self::new); its output goes on from the
+    /// last one.
+    pub(crate) fn set_cutoff(
+        &mut self,
+        lane: usize,
+        cutoff_hz: Option<T>,
+        sample_hz: T,
+    ) -> Result<(), NumberError> {
+        let relative = cutoff_hz.map(|cutoff_hz| relative(cutoff_hz, sample_hz));
+        let alpha = relative.transpose()?.map(lag);
+        if let Some(place) = self.alpha.get_mut(lane) {
+            *place = alpha;
+        }
+        Ok(())
+    }
+
     /// Takes the next sample of each signal, and returns the filtered signals. A sample that is not
     /// finite is ignored: the last output of its filter is repeated.
     pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
@@ -130,6 +146,16 @@ impl<T: Real, const L: usize> Derivative<T, L> {
             rate: [T::zero(); L],
             primed: [false; L],
         })
+    }
+
+    /// Changes the cutoff of the filter of a signal, as in [`new`](Self::new); its rate goes on from the
+    /// last one.
+    pub(crate) fn set_cutoff(&mut self, lane: usize, cutoff_hz: T) -> Result<(), NumberError> {
+        let alpha = lag(relative(cutoff_hz, self.sample_hz)?);
+        if let Some(place) = self.alpha.get_mut(lane) {
+            *place = alpha;
+        }
+        Ok(())
     }
 
     /// The last rates.

@@ -1,4 +1,5 @@
 use crate::config;
+use crate::config::AxisNumber;
 use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, Integrator};
 use crate::math::{clamp, is_finite};
@@ -18,6 +19,9 @@ pub struct AxisServo {
     sample_hz: f64,
     velocity: Derivative<f64, 1>,
     integrator: Integrator,
+    /// The settings on the way to which those of `axis` are, and in how many ticks they get there.
+    wanted: config::AxisServoSettings,
+    left: u32,
     last: (f64, SetPoint<f64>),
 }
 
@@ -37,6 +41,8 @@ impl AxisServo {
             sample_hz: period(sample_hz).map(|_| sample_hz)?,
             velocity: Derivative::new([servo.velocity_cutoff_hz], sample_hz)?,
             integrator: Integrator::new(servo.integral_max)?,
+            wanted: *servo,
+            left: 0,
             last: (axis.home, SetPoint::rest(axis.home)),
         })
     }
@@ -46,10 +52,62 @@ impl AxisServo {
         self.integrator.set(0.0);
     }
 
+    /// Returns the value of a number of the servo, to which it has come or comes.
+    #[must_use]
+    pub const fn number(&self, number: AxisNumber) -> f64 {
+        number.of(&self.wanted)
+    }
+
+    /// Changes a number of the servo, from the next tick on. Take it from its [range](AxisNumber::range). Gains come to
+    /// it over `ticks` ticks, so that the force makes no step; the filter has its cutoff at once.
+    ///
+    /// # Errors
+    /// [`NumberError`] if no servo can have the number; it keeps its own then.
+    pub fn set_number(
+        &mut self,
+        number: AxisNumber,
+        value: f64,
+        ticks: u32,
+    ) -> Result<(), NumberError> {
+        let (key, ..) = *number.name();
+        not_negative(key, value)?;
+        if number == AxisNumber::VelocityCutoff {
+            self.velocity.set_cutoff(0, value)?;
+            self.axis.servo.velocity_cutoff_hz = value;
+        }
+        *number.of_mut(&mut self.wanted) = value;
+        self.left = ticks.max(1);
+        Ok(())
+    }
+
+    /// Brings the gains a tick nearer to those that are wanted.
+    #[cold]
+    fn approach(&mut self) -> Result<(), NumberError> {
+        let part = 1.0 / f64::from(self.left);
+        self.left -= 1;
+        for number in AxisNumber::ALL {
+            let wanted = number.of(&self.wanted);
+            let gain = number.of_mut(&mut self.axis.servo);
+            *gain = if self.left == 0 {
+                wanted
+            } else {
+                *gain + part * (wanted - *gain)
+            };
+        }
+        let mut integrator = Integrator::new(self.axis.servo.integral_max)?;
+        integrator.set(self.integrator.term());
+        self.integrator = integrator;
+        Ok(())
+    }
+
     /// Runs one tick, and returns the force for the drive, N. `point` is the set-point of this
     /// tick, `position` the measured position (m), and `period_s` the time since the last tick (s).
     pub fn update(&mut self, point: &SetPoint<f64>, position: f64, period_s: f64) -> f64 {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
+        if self.left > 0 {
+            // Numbers between two that are possible are possible.
+            let _ = self.approach();
+        }
         let finite = [point.position, point.velocity, point.acceleration];
         if finite.into_iter().all(is_finite) {
             self.last.1 = *point;

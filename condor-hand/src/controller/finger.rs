@@ -1,11 +1,13 @@
 use nalgebra::{SVector, Vector3};
 
+use super::settings::{judge, stop_and_filters};
 use super::watch::{GuardStop, Watch};
-use crate::config::{Finger, Hand, Limits};
+use crate::Subject;
+use crate::config::{FaultNumber, FaultPolicy, Finger, Hand, JointNumber, JointNumbers, Limits};
 use crate::control::elapsed::Elapsed;
 use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
-use crate::number::{NumberError, Requirement, check};
+use crate::number::{NumberError, Requirement, check, finite};
 use crate::servo::{
     FingerReadings, FingerServo, JointGains, JointTarget, ServoMode, ServoOutput, ServoRefusal,
 };
@@ -64,7 +66,9 @@ pub struct FingerController<M, const N: usize> {
     least: TendonPairs<f64, N>,
     low: [f64; N],
     high: [f64; N],
-    safe_s: f64,
+    faults: FaultPolicy,
+    /// The numbers of the joints that can change, beside their gains.
+    numbers: [JointNumbers; N],
     sample_hz: f64,
     /// Of the last tick.
     desired: TendonPairs<f64, N>,
@@ -136,7 +140,8 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             least,
             low: limits.map(|limits| limits.map_or(0.0, |limits| limits.low)),
             high: limits.map(|limits| limits.map_or(0.0, |limits| limits.high)),
-            safe_s,
+            faults: hand.faults,
+            numbers: finger.numbers(),
             sample_hz,
             desired: least,
             command: least,
@@ -243,6 +248,83 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), ServoRefusal> {
         self.check_joint(joint)?;
         self.servo.set_gains(joint, gains)
+    }
+
+    /// Returns the present value of a number of a joint; `None` for a joint that the finger does not have.
+    #[must_use]
+    pub fn number(&self, joint: usize, number: JointNumber) -> Option<f64> {
+        self.check_joint(joint).ok()?;
+        self.numbers.get(joint)?.get(number as usize).copied()
+    }
+
+    /// Changes a number of a joint, from the next tick on: a limit, its soft stop, a filter, or a threshold of a fault.
+    /// Take it from its [range](crate::config::Joint::ranges); 0 means no filter. What it changes of the tensions is
+    /// spread over [`Hand::transition_s`], like a change of gains. A joint that is past a limit that comes nearer has
+    /// a fault, as if it had gone there.
+    ///
+    /// # Errors
+    /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Gain`] if no joint can
+    /// have the number. The joint keeps its number then.
+    pub fn set_number(
+        &mut self,
+        joint: usize,
+        number: JointNumber,
+        value: f64,
+    ) -> Result<(), ServoRefusal> {
+        self.check_joint(joint)?;
+        let wrong = |error: NumberError| error.at(Subject::Joint(joint as u16));
+        finite(number.name().0, value).map_err(wrong)?;
+        let mut numbers = self.numbers;
+        let Some(of_joint) = numbers.get_mut(joint) else {
+            return Ok(());
+        };
+        if let Some(place) = of_joint.get_mut(number as usize) {
+            *place = value;
+        }
+        let (stop, cutoffs_hz) = stop_and_filters(of_joint);
+        let mut limits = *self.monitor.limits();
+        judge(
+            &mut limits,
+            &self.faults,
+            numbers.into_iter().take(self.joints),
+        );
+        limits.check()?;
+        (self.servo.set_stop_and_filters(joint, &stop, &cutoffs_hz)).map_err(wrong)?;
+        self.monitor.set_limits(limits)?;
+        if let (Some(low), Some(high)) = (self.low.get_mut(joint), self.high.get_mut(joint)) {
+            (*low, *high) = (stop.low, stop.high);
+        }
+        self.numbers = numbers;
+        Ok(())
+    }
+
+    /// Returns the present conditions of faults.
+    #[must_use]
+    pub const fn faults(&self) -> &FaultPolicy {
+        &self.faults
+    }
+
+    /// Changes a condition of faults, from the next tick on. Take it from its [range](FaultPolicy::range).
+    ///
+    /// # Errors
+    /// [`ServoRefusal::Gain`] if no finger can have the number. The condition stays then.
+    pub fn set_fault_number(
+        &mut self,
+        number: FaultNumber,
+        value: f64,
+    ) -> Result<(), ServoRefusal> {
+        let faults = self.faults.with(number, value);
+        // So that it cannot fail when it is needed.
+        SafeRamp::new(self.least, self.least, faults.safe_s, self.sample_hz)?;
+        let mut limits = *self.monitor.limits();
+        judge(
+            &mut limits,
+            &faults,
+            self.numbers.into_iter().take(self.joints),
+        );
+        self.monitor.set_limits(limits)?;
+        self.faults = faults;
+        Ok(())
     }
 
     /// Passes the set-points of one tick of the master, which computes the trajectories: the states
@@ -461,7 +543,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.following = 0;
         self.watch.release(u32::MAX);
         // The last commands are finite: those of the first tick are the least.
-        let ramp = |from| SafeRamp::new(from, self.least, self.safe_s, self.sample_hz);
+        let ramp = |from| SafeRamp::new(from, self.least, self.faults.safe_s, self.sample_hz);
         let (begin, ramp) = match ramp(still) {
             Ok(ramp) => (still, Some(ramp)),
             Err(_) => (self.command, ramp(self.command).ok()),

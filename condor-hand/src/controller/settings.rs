@@ -1,6 +1,10 @@
-use crate::config::{FaultPolicy, Finger, InputChannel, Joint, ServoLaw, Tendon};
+use crate::config::{
+    FaultPolicy, Finger, InputChannel, Joint, JointNumber, JointNumbers, ServoLaw, Tendon,
+};
 use crate::dynamics::DriveDynamics;
-use crate::servo::{FingerSettings, JointGains, JointSettings, PositionLaw, SoftStop};
+use crate::servo::{
+    FingerSettings, JointCutoffs, JointGains, JointSettings, PositionLaw, SoftStop,
+};
 use crate::tendon::fault::{
     FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck, TendonFaultLimits,
     Threshold,
@@ -47,39 +51,14 @@ impl<const N: usize> Finger<N> {
     #[must_use]
     pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<f64, N> {
         let tendon = |tendon: &Tendon| TendonFaultLimits {
-            sensor: sensor(
-                &tendon.adc,
-                policy,
-                (tendon.max_n / 4.0, policy.sensor_samples),
-                Threshold::default(),
-            ),
-            slack: Threshold {
-                value: tendon.slack_n,
-                samples: policy.tension_samples,
-            },
-            over_tension: Threshold {
-                value: tendon.break_n,
-                samples: policy.tension_samples,
-            },
+            sensor: sensor(&tendon.adc, tendon.max_n / 4.0),
+            ..TendonFaultLimits::default()
         };
         let joint = |joint: &Joint<N>| JointFaultLimits {
-            sensor: sensor(
-                &joint.adc,
-                policy,
-                (policy.frozen_rad, policy.lost_samples),
-                Threshold {
-                    value: policy.tracking_rad,
-                    samples: policy.tracking_samples,
-                },
-            ),
-            limit: FaultRange {
-                low: joint.limits.low - policy.overtravel_rad,
-                high: joint.limits.high + policy.overtravel_rad,
-                samples: policy.sensor_samples,
-            },
+            sensor: sensor(&joint.adc, 0.0),
+            ..JointFaultLimits::default()
         };
-        // All checks are off for a joint that does not exist.
-        FaultLimits {
+        let mut limits = FaultLimits {
             tendons: core::array::from_fn(|place| {
                 let pair = self.joints.get(place).map(|joint| Pair {
                     flexor: tendon(&joint.flexor),
@@ -98,7 +77,18 @@ impl<const N: usize> Finger<N> {
                 value: policy.stale_s,
                 samples: 1,
             },
-        }
+        };
+        let joints = self.joints.iter().map(Joint::numbers);
+        judge(&mut limits, policy, joints);
+        limits
+    }
+
+    /// Returns the numbers of the joints that can change while they run; zeros for joints that do not exist.
+    pub(super) fn numbers(&self) -> [JointNumbers; N] {
+        core::array::from_fn(|place| {
+            let joint = self.joints.get(place);
+            joint.map_or([0.0; JointNumber::ALL.len()], Joint::numbers)
+        })
     }
 
     /// Returns the least tensions that the finger's tendons always keep, N: for both tendons of a
@@ -115,28 +105,87 @@ impl<const N: usize> Finger<N> {
     }
 }
 
-/// Returns the limits of the sensor behind a converter. It is stuck while its set-point goes this far for this
-/// many samples.
-fn sensor(
-    input: &InputChannel,
+/// Sets what a policy, and the numbers of the joints that exist, say of the limits of a finger. All checks stay off for
+/// joints that do not exist.
+pub(super) fn judge<const N: usize>(
+    limits: &mut FaultLimits<f64, N>,
     policy: &FaultPolicy,
-    (travel, stuck_samples): (f64, u16),
-    tracking: Threshold<f64>,
-) -> SensorFaultLimits<f64> {
+    joints: impl Iterator<Item = JointNumbers>,
+) {
+    let places = limits.tendons.iter_mut().zip(&mut limits.joints);
+    for ((tendons, of_joint), numbers) in places.zip(joints) {
+        let number = |number: JointNumber| numbers.get(number as usize).copied().unwrap_or(0.0);
+        let thresholds = [
+            (JointNumber::FlexorSlack, JointNumber::FlexorBreak),
+            (JointNumber::ExtensorSlack, JointNumber::ExtensorBreak),
+        ];
+        let tendons = [&mut tendons.flexor, &mut tendons.extensor];
+        for (tendon, (slack, breaks)) in tendons.into_iter().zip(thresholds) {
+            tendon.sensor.lost_samples = policy.lost_samples;
+            tendon.sensor.range.samples = policy.sensor_samples;
+            tendon.sensor.stuck.samples = policy.sensor_samples;
+            let samples = policy.tension_samples;
+            let threshold = |value| Threshold { value, samples };
+            (tendon.slack, tendon.over_tension) =
+                (threshold(number(slack)), threshold(number(breaks)));
+        }
+        let sensor = &mut of_joint.sensor;
+        sensor.lost_samples = policy.lost_samples;
+        sensor.range.samples = policy.sensor_samples;
+        sensor.stuck.travel = policy.frozen_rad;
+        sensor.stuck.samples = policy.lost_samples;
+        sensor.tracking = Threshold {
+            value: policy.tracking_rad,
+            samples: policy.tracking_samples,
+        };
+        of_joint.limit = FaultRange {
+            low: number(JointNumber::Low) - policy.overtravel_rad,
+            high: number(JointNumber::High) + policy.overtravel_rad,
+            samples: policy.sensor_samples,
+        };
+    }
+    limits.period_s.samples = policy.missed_deadlines;
+    limits.set_point_age_s.value = policy.stale_s;
+}
+
+/// Returns the stop of a joint with these numbers, without its damping, and the cutoffs of its filters.
+pub(super) fn stop_and_filters(numbers: &JointNumbers) -> (SoftStop<f64>, JointCutoffs<f64>) {
+    let number = |number: JointNumber| numbers.get(number as usize).copied().unwrap_or(0.0);
+    let filter = |cutoff| Some(number(cutoff)).filter(|&cutoff_hz| cutoff_hz > 0.0);
+    let stop = SoftStop {
+        low: number(JointNumber::Low),
+        high: number(JointNumber::High),
+        zone: number(JointNumber::Zone),
+        bandwidth_hz: number(JointNumber::StopBandwidth),
+        damping_ratio: 0.0,
+    };
+    let cutoffs_hz = JointCutoffs {
+        position: filter(JointNumber::PositionCutoff),
+        velocity: number(JointNumber::VelocityCutoff),
+        tension: Pair {
+            flexor: filter(JointNumber::FlexorCutoff),
+            extensor: filter(JointNumber::ExtensorCutoff),
+        },
+    };
+    (stop, cutoffs_hz)
+}
+
+/// Returns the limits of the sensor behind a converter that do not depend on a policy. It is stuck if it stays while
+/// its set-point goes this far.
+fn sensor(input: &InputChannel, travel: f64) -> SensorFaultLimits<f64> {
     let ends = [input.value(0), input.value(input.full_scale())];
     SensorFaultLimits {
-        lost_samples: policy.lost_samples,
         range: FaultRange {
             low: crate::math::min(ends[0], ends[1]),
             high: crate::math::max(ends[0], ends[1]),
-            samples: policy.sensor_samples,
+            samples: 0,
         },
         stuck: Stuck {
             band: NOISE_COUNTS * crate::math::abs(input.gain),
             travel,
-            samples: stuck_samples,
+            samples: 0,
         },
-        tracking,
+        ..SensorFaultLimits::default()
     }
 }
 

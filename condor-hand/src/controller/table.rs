@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 
 use super::axis::AxisServo;
 use crate::Subject;
-use crate::config::{Axis, Hand};
+use crate::config::{Axis, AxisNumber, Hand};
 use crate::decimal::Decimal;
-use crate::math::{is_finite, max, min};
+use crate::math::{is_finite, max, min, round};
 use crate::number::{NumberError, Requirement, check, positive};
 use crate::tendon::fault::sensor::Run;
 use crate::trajectory::{
@@ -41,6 +41,8 @@ pub struct TableController {
     deadlines: u16,
     missed: Run,
     force: [f64; AXES],
+    /// The ticks over which a change of gains is spread.
+    transition: u32,
 }
 
 /// One axis that there is.
@@ -100,6 +102,16 @@ impl fmt::Display for TableState {
             Self::Late => f.write_str("stopped: its ticks were late"),
         }
     }
+}
+
+/// A number of ticks.
+#[allow(
+    clippy::cast_sign_loss,
+    clippy::cast_possible_truncation,
+    reason = "not below 0, and what is too large is the most"
+)]
+fn ticks(count: f64) -> u32 {
+    round(count) as u32
 }
 
 /// The result of one tick of a [`TableController`]: the forces for the drives, and the acceleration
@@ -173,6 +185,7 @@ impl TableController {
             deadlines: hand.faults.missed_deadlines,
             missed: Run::default(),
             force: [0.0; AXES],
+            transition: ticks(hand.transition_s * sample_hz),
         }))
     }
 
@@ -180,6 +193,29 @@ impl TableController {
     #[must_use]
     pub fn state(&self) -> TableState {
         self.state
+    }
+
+    /// Returns the value of a number of an axis's servo; `None` for an axis that the table does not have.
+    #[must_use]
+    pub fn number(&self, axis: usize, number: AxisNumber) -> Option<f64> {
+        Some(self.axes.get(axis)?.servo.number(number))
+    }
+
+    /// Changes a number of the servo of an axis, which [`Hand::transition_s`] brings about. Take it from its
+    /// [range](AxisNumber::range). Nothing happens if the table does not have the axis.
+    ///
+    /// # Errors
+    /// [`NumberError`] if no servo can have the number; it keeps its own then.
+    pub fn set_number(
+        &mut self,
+        axis: usize,
+        number: AxisNumber,
+        value: f64,
+    ) -> Result<(), NumberError> {
+        let ticks = self.transition;
+        self.axes
+            .get_mut(axis)
+            .map_or(Ok(()), |axis| axis.servo.set_number(number, value, ticks))
     }
 
     /// Switches the drives on and moves all axes to their home positions, beginning in the next

@@ -4,7 +4,10 @@ use super::impedance::least_inertias;
 use super::joint::{Felt, JointServo};
 use super::readings::Readings;
 use super::transition::Transition;
-use super::{FingerSettings, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal};
+use super::{
+    FingerSettings, JointCutoffs, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal,
+    SoftStop,
+};
 use crate::Subject;
 use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, LowPass};
@@ -285,6 +288,31 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         servo
             .set_gains(gains)
             .map_err(|error| error.at(Subject::Joint(joint as u16)))?;
+        self.changed = true;
+        Ok(())
+    }
+
+    /// Changes the limits and the soft stop of a joint, except for its damping, and the filters of its sensors, from
+    /// the next tick on.
+    pub(crate) fn set_stop_and_filters(
+        &mut self,
+        joint: usize,
+        stop: &SoftStop<T>,
+        cutoffs_hz: &JointCutoffs<T>,
+    ) -> Result<(), NumberError> {
+        let Some(servo) = self.joints.get_mut(joint) else {
+            return Ok(());
+        };
+        let sample_hz = self.sample_hz;
+        let mut tensions = servo.tension_filter;
+        tensions.set_cutoff(0, cutoffs_hz.tension.flexor, sample_hz)?;
+        tensions.set_cutoff(1, cutoffs_hz.tension.extensor, sample_hz)?;
+        let (mut positions, mut velocities) = (self.position_filters, self.velocities);
+        positions.set_cutoff(joint, cutoffs_hz.position, sample_hz)?;
+        velocities.set_cutoff(joint, cutoffs_hz.velocity)?;
+        servo.set_stop(stop)?;
+        servo.tension_filter = tensions;
+        (self.position_filters, self.velocities) = (positions, velocities);
         self.changed = true;
         Ok(())
     }

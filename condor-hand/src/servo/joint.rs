@@ -334,6 +334,18 @@ impl<T: Real> JointServo<T> {
         }
     }
 
+    /// Another stop, of the same damping, from the next tick on.
+    pub(super) fn set_stop(&mut self, stop: &SoftStop<T>) -> Result<(), NumberError> {
+        let damping_ratio = self.stop.damping_ratio;
+        let stop = SoftStop {
+            damping_ratio,
+            ..*stop
+        };
+        stop.check()?;
+        self.stop = stop;
+        Ok(())
+    }
+
     /// Other gains from the next tick on.
     pub(super) fn set_gains(&mut self, gains: &JointGains<T>) -> Result<(), NumberError> {
         gains.check()?;

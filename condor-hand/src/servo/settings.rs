@@ -42,6 +42,14 @@ pub struct JointSettings<T: Real = f64> {
     pub tension_cutoff_hz: Pair<Option<T>>,
 }
 
+/// The cutoffs of the filters of a joint, Hz; `None` means no filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct JointCutoffs<T> {
+    pub(crate) position: Option<T>,
+    pub(crate) velocity: T,
+    pub(crate) tension: Pair<Option<T>>,
+}
+
 /// All settings of a [`FingerServo`](super::FingerServo), except for its mechanism and its moment
 /// arms.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -112,6 +112,35 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self
     }
 
+    /// Changes the greatest velocity, acceleration and jerk of a joint, rad/s, rad/s² and rad/s³, while nothing moves
+    /// or waits. Returns false, and changes nothing, unless the generator [is idle](Self::is_idle), because primitives
+    /// were checked with the earlier limits; and if there is no such joint.
+    ///
+    /// # Errors
+    /// [`NumberError`] if a limit is not above zero; the limits stay then.
+    pub fn set_rates(
+        &mut self,
+        joint: usize,
+        velocity: T,
+        acceleration: T,
+        jerk: T,
+    ) -> Result<bool, NumberError> {
+        let is_idle = self.is_idle();
+        let places = self.limits.get_mut(joint).zip(self.joints.get_mut(joint));
+        let Some((place, mover)) = places.filter(|_| is_idle) else {
+            return Ok(false);
+        };
+        let limits = ProfileLimits {
+            velocity,
+            acceleration,
+            jerk,
+            ..*place
+        };
+        limits.validate(joint)?;
+        (*place, mover.limits) = (limits, limits);
+        Ok(true)
+    }
+
     /// Adds a primitive, which is one motion of some joints, at the end of the queue. Returns the
     /// ticket by which events and calls name the primitive.
     ///

@@ -32,6 +32,7 @@ mod soft_stop;
 mod table;
 mod tension_servo;
 mod trajectory;
+mod tunable;
 
 // Whatever comes, and what is simulated.
 mod hostile_hand;

@@ -111,6 +111,89 @@ fn its_variables_are_recorded_and_its_queue_takes_motions() {
 }
 
 #[test]
+fn a_threshold_that_is_lowered_makes_its_fault_and_is_found_in_the_description() {
+    let place = tempfile::tempdir().unwrap();
+    package(place.path());
+    let system = place.path().join("system.toml").display().to_string();
+    let up = ["up", &system, "--headless", "--for", "10m"];
+    let up = condor(place.path(), &up).stdout(Stdio::null()).spawn();
+    let up = Up(up.unwrap());
+    let begun = Instant::now();
+    let until = |arguments: &[&str], is_there: &dyn Fn(&Output) -> bool| loop {
+        let output = condor(place.path(), arguments).output().unwrap();
+        if is_there(&output) {
+            return text(&output);
+        }
+        assert!(
+            begun.elapsed() < PATIENCE,
+            "{arguments:?}: {}",
+            text(&output)
+        );
+    };
+    let ends_with = |code| move |output: &Output| output.status.code() == Some(code);
+    // Until the finger is enabled, the master refuses it.
+    until(&["motion", "beckon"], &ends_with(0));
+    until(&["vars", "diff"], &ends_with(0));
+    let saved = place.path().join("saved.toml").display().to_string();
+    until(&["vars", "save", &saved], &ends_with(0));
+
+    for (name, value) in [
+        ("faults.tracking_samples", "1"),
+        ("faults.tracking_rad", "0.001"),
+        ("finger.bend.servo.velocity_cutoff_hz", "120"),
+        ("finger.bend.limits.velocity", "3"),
+    ] {
+        until(&["vars", "set", name, value], &ends_with(0));
+    }
+    // The check of the description is that of the parameter, too.
+    let refused = until(
+        &["vars", "set", "finger.bend.limits.low", "-0.4"],
+        &ends_with(1),
+    );
+    assert!(refused.contains("must be from -0.3 to "), "{refused}");
+    let table = until(&["vars", "diff"], &ends_with(1));
+    for (name, key, line) in [
+        ("faults.tracking_rad", "faults.tracking_rad", "tracking_rad"),
+        (
+            "finger.bend.servo.velocity_cutoff_hz",
+            "fingers[0].joints[1].servo.velocity_cutoff_hz",
+            "servo = ",
+        ),
+        (
+            "finger.bend.limits.velocity",
+            "fingers[0].joints[1].limits.velocity",
+            "limits = ",
+        ),
+    ] {
+        let row = table.lines().find(|row| row.contains(name));
+        let row = row.unwrap_or_else(|| panic!("no {name}: {table}"));
+        assert!(row.ends_with(key), "{row}");
+        let file = row.split_whitespace().nth_back(1).unwrap();
+        let (file, number) = file.rsplit_once(':').unwrap();
+        let text = std::fs::read_to_string(file).unwrap();
+        let number: usize = number.parse().unwrap();
+        assert!(
+            text.lines().nth(number - 1).unwrap().starts_with(line),
+            "{row}"
+        );
+    }
+
+    let fault = |output: &Output| text(output).contains("tracking");
+    condor(place.path(), &["motion", "beckon"])
+        .output()
+        .unwrap();
+    until(&["vars", "get", "finger.fault"], &fault);
+    let loaded = until(&["vars", "load", &saved], &ends_with(0));
+    assert!(
+        loaded.contains("faults.tracking_rad: 0.001 -> 0.35 rad"),
+        "{loaded}"
+    );
+    until(&["vars", "diff"], &ends_with(0));
+    until(&["vars", "diff", &saved], &ends_with(0));
+    drop(up);
+}
+
+#[test]
 fn its_motion_is_checked_without_processors() {
     let place = tempfile::tempdir().unwrap();
     let file = |name: &str| Path::new(PACKAGE).join(name).display().to_string();

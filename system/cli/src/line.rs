@@ -259,7 +259,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Clock(clock)) => clock.run()?,
         Some(Command::Send(send)) => send.run()?,
         Some(Command::Vectors(vectors)) => vectors.run()?,
-        Some(Command::Vars(vars)) => vars.run()?,
+        Some(Command::Vars(vars)) => return vars.run(application),
         Some(Command::View(view)) => view.run(application)?,
         Some(Command::Record(record)) => record.run(application)?,
         Some(Command::Export(export)) => export.run()?,

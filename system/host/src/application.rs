@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use crate::description::SystemDescription;
 use crate::error::{AnyError, me};
 use crate::extension::Extension;
-use crate::robot::{MotionFiles, MotionSender, Robot};
+use crate::robot::{DescribedKey, MotionFiles, MotionSender, Robot};
 use crate::system::SystemDirectory;
 
 /// The function of a program: it gets the program's arguments, runs in the process that a
@@ -68,6 +68,13 @@ pub trait Application: Sync {
     fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
         let _ = robot;
         Ok(None)
+    }
+
+    /// Returns the places of parameters, by their names, in the robot's configuration in the file `robot`; `None` for a
+    /// parameter that does not stand there. The default finds none.
+    fn described_keys(&self, robot: &Path, names: &[&str]) -> Vec<Option<DescribedKey>> {
+        let _ = robot;
+        vec![None; names.len()]
     }
 
     /// Returns the motion files of the robot whose configuration is in the file `robot`. `description` is

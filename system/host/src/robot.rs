@@ -69,6 +69,15 @@ pub struct RobotJoint {
     pub limits: [f64; 2],
 }
 
+/// The place of a number in a robot's configuration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DescribedKey {
+    /// The way to its key from the top of the file, such as `fingers[0].joints[1].servo.kp`.
+    pub key: String,
+    /// The line, from 1, at which its value stands, which may be that of a default; `None` if the file leaves it out.
+    pub line: Option<usize>,
+}
+
 /// A line through several points that shows a part of a robot, such as a link or a tendon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotLine {

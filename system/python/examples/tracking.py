@@ -53,7 +53,7 @@ print(f"{plan.time[-1]:.2f} s, up to {speed:.2f} rad/s, {len(plan.collisions)} c
 # %% Tune a gain: how well does the joint track, with a soft controller and with stiffer ones?
 def tracked(bandwidth_hz):
     """Runs the motion; returns the time since its begin, s, the set-points and the positions, rad; shapes (rows,)."""
-    system.set(f"{JOINT}.bandwidth_hz", bandwidth_hz)
+    system.set(f"{JOINT}.servo.bandwidth_hz", bandwidth_hz)
     with system.watch(f"{JOINT}.target", f"{JOINT}.position") as watch:
         # The other gain moves the joint a little: it comes to rest first.
         watch.read(seconds=1.0, timeout=60)
@@ -68,14 +68,14 @@ def tracked(bandwidth_hz):
     return position.time[rows] - position.time[begin], target.values[rows], position.values[rows]
 
 
-before = system.get(f"{JOINT}.bandwidth_hz")
+before = system.get(f"{JOINT}.servo.bandwidth_hz")
 runs = {bandwidth_hz: tracked(bandwidth_hz) for bandwidth_hz in (3.0, 6.0, 12.0)}
 rms = {bandwidth_hz: np.degrees(np.sqrt(np.mean((run[1] - run[2]) ** 2))) for bandwidth_hz, run in runs.items()}
 for bandwidth_hz, error in rms.items():
     print(f"{bandwidth_hz:4.1f} Hz: {error:.3f} deg rms")
 best = min(rms, key=rms.get)
-system.set(f"{JOINT}.bandwidth_hz", best)
-print(f"{JOINT}.bandwidth_hz is {system.get(f'{JOINT}.bandwidth_hz')} now, and was {before}")
+system.set(f"{JOINT}.servo.bandwidth_hz", best)
+print(f"{JOINT}.servo.bandwidth_hz is {system.get(f'{JOINT}.servo.bandwidth_hz')} now, and was {before}")
 
 
 # %% Plot it: as a picture, or as text where there is no matplotlib.

@@ -12,7 +12,7 @@ import numpy as np
 from hand_in_simulated_time import CONFIGURATION, DEADLINE_S, Running
 
 JOINT = "index.proximal"
-GAIN = f"{JOINT}.bandwidth_hz"
+GAIN = f"{JOINT}.servo.bandwidth_hz"
 STEP = """[[motion]]
 profile = "minimum-jerk"
 duration = 0.5
@@ -94,9 +94,9 @@ class SystemTest(unittest.TestCase):
         self.refused(ValueError, "`stiff` is not a value of type f64", system.set, GAIN, "stiff")
         self.refused(ValueError, "is not a parameter and cannot be set", system.set, f"{JOINT}.position", 1.0)
         self.assertEqual(system.get(GAIN), before)
-        self.assertEqual(system.set(f"{JOINT}.law", "pd"), "computed-torque")
-        self.refused(ValueError, "`mpc` is not one of pd, computed-torque", system.set, f"{JOINT}.law", "mpc")
-        self.assertEqual(system.set(f"{JOINT}.law", "computed-torque"), "pd")
+        self.assertEqual(system.set(f"{JOINT}.servo.law", "pd"), "decoupled")
+        self.refused(ValueError, "`mpc` is not one of pd, decoupled", system.set, f"{JOINT}.servo.law", "mpc")
+        self.assertEqual(system.set(f"{JOINT}.servo.law", "decoupled"), "pd")
         (gain,) = system.variables(GAIN)
         self.assertEqual((gain.processor, gain.owner, gain.unit, gain.bounds), ("servo-a", "servo", "Hz", (0.0, 50.0)))
         self.assertTrue(gain.is_parameter)

@@ -47,6 +47,7 @@ mod desired;
 mod failure;
 mod file;
 mod joints;
+mod numbers;
 mod start;
 mod tracking;
 

@@ -12,7 +12,7 @@
 //! | object | is |
 //! |---|---|
 //! | `console` | its terminal |
-//! | `trajectories` | its loop: counts and variables |
+//! | `trajectories` | its loop: counts, variables, and its parameters, the limits of motions |
 //! | `wanted-2` | a published [`DesiredPositions`] |
 //! | `followed` | a published [`TrackingReport`]: how well the joints have followed each motion |
 //! | `motions` | where its [queue](crate::motions) is asked |
@@ -20,6 +20,7 @@
 use core::cell::{Cell, RefCell};
 use core::time::Duration;
 
+use condor_hand::config::MotionNumber;
 use condor_hand::trajectory::{Generator, ProfileLimits};
 use condor_mbox::{Clock, Processor};
 use condor_rt::objects::ObjectKind;
@@ -32,6 +33,7 @@ use embedded_io::{Read, ReadReady};
 use crate::failure::Failure;
 use crate::joints::JointNumbers;
 use crate::motions::{MOTIONS, MotionResponse, MotionsBlocks};
+use crate::numbers::{Number, NumberPlace, Numbers};
 use crate::objects::MOTIONS_NAME;
 use crate::{RobotDescription, start};
 
@@ -108,6 +110,8 @@ impl Program for Master {
         let wanted = wanted.about("Targets; joints in the order of the fingers.");
         let loose =
             Var::<u32>::new("loose", "").about("A bit for each finger that does not follow.");
+        let rates = MotionRates::new(hand, rates(hand), f64::MIN..=f64::MAX);
+        let mut taken = rates.version();
         let tuning = setup.place("tuning", ObjectKind::Other, |allocator| {
             let free = allocator.clone();
             allocator.bytes(VariableClient::<MailboxOf<'_, M>, M::Window>::BYTES)?;
@@ -131,8 +135,13 @@ impl Program for Master {
             .watch(&wanted)
             .watch(&loose)
             .fixed()
+            .tune(&rates)
             .servo("trajectories", start::rate(rate_hz), &mut |_| {
                 drive::with(&shared, |drive| {
+                    let version = rates.version();
+                    if version != taken && drive.set_rates(&rates) {
+                        taken = version;
+                    }
                     drive.tick();
                     let points = drive.generator.set_points();
                     for (joint, point) in points.iter().enumerate() {
@@ -250,6 +259,24 @@ fn listen<M: Machine>(
         }
     }
     Ok(())
+}
+
+/// The limits of motions of the joints, as parameters of the loop of trajectories.
+type MotionRates<'h> = Numbers<'h, f64, { ALL * MotionNumber::ALL.len() }>;
+
+/// The limits of motions of all joints.
+fn rates(hand: &RobotDescription) -> impl Iterator<Item = Number<f64>> {
+    hand.fingers.iter().enumerate().flat_map(|(finger, entry)| {
+        let joints = entry.joints.iter().enumerate();
+        joints.flat_map(move |(joint, entry)| {
+            let limits = &entry.limits;
+            MotionNumber::ALL.into_iter().map(move |number| Number {
+                place: NumberPlace::Motion(finger as u8, joint as u8, number),
+                value: number.of(limits),
+                range: number.range(limits),
+            })
+        })
+    })
 }
 
 /// The limits of all joints of the hand, which has as many.

@@ -9,14 +9,16 @@ use std::vec::Vec;
 use condor_cli::{AnyError, Application, ProgramFunction, Programs};
 use condor_host::description::{Files, SystemDescription, served};
 use condor_host::extension::Extension;
-use condor_host::robot::{MotionFiles, MotionSender, Robot};
+use condor_host::robot::{DescribedKey, MotionFiles, MotionSender, Robot};
 use condor_host::system::SystemDirectory;
+use condor_platform::linux::read_text;
 use condor_scene::{Ball, HandView};
 
 use crate::RobotDescription;
 use crate::compile::{CompileError, compile_all, joint_names, read_robot};
 use crate::processes::Processes;
 
+mod keys;
 mod motion;
 mod offers;
 mod points;
@@ -144,6 +146,12 @@ impl Application for RobotApplication {
     fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
         let hand = HandView::new(&self.read(robot)?);
         Ok(Some(Box::new(hand.with_ball(&BALL))))
+    }
+
+    fn described_keys(&self, robot: &Path, names: &[&str]) -> Vec<Option<DescribedKey>> {
+        let texts = self.read(robot).ok().zip(read_text(robot).ok());
+        let key = |name: &&str| keys::find(&texts.as_ref()?.0, &texts.as_ref()?.1, name);
+        names.iter().map(key).collect()
     }
 
     fn motions(

@@ -21,7 +21,7 @@
 //! |---|---|
 //! | `console` | its terminal: faults, and what becomes of grasps |
 //! | `servos` | [`ServoLayout`]: set-points and requests, vector [`SERVO`] |
-//! | `servo` | the variables of its loop, joints and tendons, and its parameters, their gains |
+//! | `servo` | the variables of its loop, joints and tendons, and its parameters: gains, limits, stops and filters of joints, conditions of faults |
 //! | `joints` | a published [`Joints`](crate::grasp::Joints) |
 //! | `tracking-2` | a published [`Tracking`] |
 //! | `felt`, `stops` | a published [`Felt`](crate::guards::Felt) and [`Stops`](crate::guards::Stops) |
@@ -62,6 +62,7 @@ mod feeling;
 mod fingers;
 mod gains;
 mod news;
+mod numbers;
 mod tracking;
 mod variables;
 
@@ -70,6 +71,7 @@ use feeling::Feeling;
 use fingers::Fingers;
 use gains::Gains;
 use news::LoopNews;
+use numbers::ServoNumbers;
 use tracking::Tracker;
 pub use tracking::{Figures, Tracking, Worst};
 use variables::Variables;
@@ -130,10 +132,8 @@ fn serve<M: Machine>(
     let layout = setup.place("servos", ObjectKind::Other, |allocator| {
         ServoLayout::new(allocator, PROCESSORS as u8)
     })?;
-    let gains = Gains::new(&entries, |place, joint| {
-        let mut served = controllers.iter().flatten();
-        served.nth(place)?.gains(joint).copied()
-    });
+    let gains = Gains::new(&entries);
+    let numbers = ServoNumbers::new(hand, number, rate_hz);
     let mut servo_object = ServoObject::new();
     let mut names = [""; FINGERS];
     for (name, finger) in names.iter_mut().zip(&hand.fingers) {
@@ -163,7 +163,8 @@ fn serve<M: Machine>(
         servos,
         variables: &variables,
         gains: &gains,
-        tuned: gains.version(),
+        numbers: &numbers,
+        tuned: (gains.version(), numbers.version()),
         wires,
         grasp: grasp.servo_end(own.clone())?,
         partners: &partners.servos,
@@ -193,6 +194,9 @@ fn serve<M: Machine>(
         .tune(&gains.laws)
         .tune(&gains.numbers)
         .fixed()
+        .tune(&numbers.joints)
+        .tune(&numbers.thresholds)
+        .tune(&numbers.counts)
         .servo(LOOP, start::rate(rate_hz), &mut |tick| {
             fingers.tick(tick.due);
         })

@@ -6,7 +6,7 @@
 //! | object | is |
 //! |---|---|
 //! | `console` | its terminal |
-//! | `axes` | its loop: counts and variables |
+//! | `axes` | its loop: counts, variables, and its parameters, the gains of the axes |
 //! | `palm` | a published [`Palm`] |
 //! | `table` | the blocks of [`TABLE`] with [`TableRequest`] and [`TableResponse`]: [`TableBlocks`] |
 //!
@@ -18,6 +18,7 @@ use core::marker::PhantomData;
 use condor_vars::cell_struct;
 use core::cell::RefCell;
 
+use condor_hand::config::{Axis, AxisNumber};
 use condor_hand::controller::{AXES, TableController, TableState, read_table, write_table};
 use condor_hand::trajectory::{MotionError, Pace, Primitive, Profile, Target};
 use condor_mbox::exchange::Blocks;
@@ -33,6 +34,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 use crate::boards::{Boards, Wires};
 use crate::failure::Failure;
 use crate::grasp::TickTime;
+use crate::numbers::{Number, NumberPlace, Numbers};
 use crate::packet::{self, ShortPacket};
 use crate::{RobotDescription, start};
 
@@ -213,6 +215,8 @@ impl<B: Boards> Program for Table<B> {
             })?;
         let shared: SharedTable = Mutex::new(RefCell::new(driven));
         let variables = Variables::new();
+        let axes = hand.table.as_ref().map_or(&[][..], |table| &table.axes);
+        let gains = AxisGains::new(hand, gains(axes, rate_hz), f64::MIN..=f64::MAX);
         let clock = machine.doorbell();
 
         let mut setup = Setup::new(machine)?;
@@ -222,6 +226,8 @@ impl<B: Boards> Program for Table<B> {
             wires: &mut wires,
             publisher: setup.publish_fields(PALM_NAME)?,
             variables: &variables,
+            gains: &gains,
+            tuned: gains.version(),
             clock: &clock,
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
@@ -240,6 +246,7 @@ impl<B: Boards> Program for Table<B> {
             .watch(&variables.target)
             .watch(&variables.force)
             .fixed()
+            .tune(&gains)
             .servo("axes", start::rate(rate_hz), &mut |tick| {
                 axes.tick(tick.due);
             })
@@ -283,6 +290,9 @@ struct Axes<'r, M: Machine> {
     wires: &'r mut dyn Wires,
     publisher: Publisher<Palm, Region<M::Window>>,
     variables: &'r Variables,
+    gains: &'r AxisGains<'r>,
+    /// The version of the gains that the controller has.
+    tuned: u32,
     clock: &'r M::Doorbell,
     last: Option<Instant>,
     period_s: f64,
@@ -300,7 +310,12 @@ impl<M: Machine> Axes<'_, M> {
         self.wires.scan();
         let position = read_table(table, |channel| self.wires.read(channel));
         // Nobody else has it: handlers are interrupted outside of their sections only.
+        let (gains, tuned) = (self.gains, &mut self.tuned);
         let Some(tick) = with(self.shared, |table| {
+            if gains.version() != *tuned {
+                *tuned = gains.version();
+                tune(&mut table.controller, gains);
+            }
             table.controller.tick(&position, period_s)
         }) else {
             return;
@@ -322,6 +337,33 @@ impl<M: Machine> Axes<'_, M> {
         self.variables.force.set_all(&tick.force);
         // The servos take an acceleration that is not published any more for none.
         let _ = self.publisher.publish(&palm);
+    }
+}
+
+/// The gains and filters of the axes, as parameters of the loop.
+type AxisGains<'h> = Numbers<'h, f64, { AXES * AxisNumber::ALL.len() }>;
+
+/// The gains of these axes, whose loop has this rate.
+fn gains(axes: &[Axis], rate_hz: u32) -> impl Iterator<Item = Number<f64>> {
+    axes.iter().enumerate().flat_map(move |(axis, entry)| {
+        AxisNumber::ALL.into_iter().map(move |number| Number {
+            place: NumberPlace::Axis(axis as u8, number),
+            value: number.of(&entry.servo),
+            range: number.range(entry, rate_hz),
+        })
+    })
+}
+
+/// Sets the gains that have changed.
+#[cold]
+fn tune(controller: &mut TableController, gains: &AxisGains<'_>) {
+    for (place, value) in gains.present() {
+        if let NumberPlace::Axis(axis, number) = place
+            && controller.number(axis.into(), number) != Some(value)
+        {
+            // Gains within their ranges are accepted.
+            let _ = controller.set_number(axis.into(), number, value);
+        }
     }
 }
 

@@ -142,7 +142,7 @@ impl<'e> Catalog<'e> {
     }
 
     /// Returns the shape of a table with `slots` slots, each with room for at least `rows` rows of all
-    /// variables.
+    /// variables, and for half as many that have all parameters, too.
     pub(crate) fn shape(&self, slots: u32, rows: u32) -> Result<Shape, CatalogError> {
         let (shape, bytes) = measure(|body| self.each(body))?;
         let unsound = self.params.iter().position(|param| !param.is_sound());
@@ -152,7 +152,11 @@ impl<'e> Catalog<'e> {
         // The number of rows is a power of two and at least 2: a reader copies one row while another is
         // written.
         let rows = rows.clamp(2, 1 << 31).next_power_of_two();
-        let rows = rows.saturating_mul(row_bytes(bytes.div_ceil(4)));
+        let words = self.watched.iter().map(|watch| watch.words().len());
+        let of_watched = row_bytes(words.sum::<usize>() as u32).saturating_mul(rows);
+        // Parameters seldom change, and a loop may have many.
+        let of_all = row_bytes(bytes.div_ceil(4)).saturating_mul((rows / 2).max(2));
+        let rows = of_watched.max(of_all);
         let lines = shape.rows_at().saturating_add(rows).div_ceil(LINE);
         // A slot that is too large for every window is refused when the table is placed.
         let slot_bytes = lines.saturating_mul(LINE).min(u32::MAX - LINE + 1);
@@ -164,7 +168,8 @@ impl<'e> Catalog<'e> {
     }
 
     /// Returns the number of bytes of shared memory that a table of this catalog takes. The table
-    /// has `slots` slots for watchers, each with room for at least `rows` rows of all variables.
+    /// has `slots` slots for watchers, each with room for at least `rows` rows of all variables, and for
+    /// half as many, but at least 2, that have all parameters, too.
     /// Returns `u32::MAX` if no memory can be that large.
     ///
     /// # Errors

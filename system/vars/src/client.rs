@@ -278,6 +278,21 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
         Ok(entry.kind.value(words))
     }
 
+    /// Returns the value with which the parameter `entry` began when its program was started.
+    ///
+    /// # Errors
+    /// Returns the errors of [`get`](Self::get).
+    pub fn initial<V: MemoryWindow>(
+        &mut self,
+        table: &VariableTable<V>,
+        entry: &TableEntry,
+        timeout: Duration,
+    ) -> Result<AnyValue, RequestError> {
+        let (number, kind) = (entry.number, entry.kind);
+        let words = self.ask(table, operation::INITIAL, number, [0; 4], kind, timeout)?;
+        Ok(kind.value(words))
+    }
+
     /// Changes the parameter `entry` from `expected` to `new`. The loop uses the new value from its
     /// next tick on.
     ///

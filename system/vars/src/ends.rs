@@ -18,7 +18,8 @@ pub struct VariableSettings {
     /// The rate of the loop as a number of ticks in a number of seconds, such as `(400, 1)`.
     pub rate: (u32, u32),
     /// The number of rows of all variables for which each watcher's ring has room, rounded up to a
-    /// power of two. If fewer variables are selected, there is room for more rows.
+    /// power of two. There is room for half as many rows, but at least 2, that have all parameters, too. If
+    /// fewer are selected, there is room for more rows.
     pub rows: u32,
     /// The number of programs that can watch the loop at a time, at most [`MOST_WATCHERS`]. Each
     /// one takes a slot of the table, with its ring.

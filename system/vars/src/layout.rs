@@ -65,6 +65,7 @@
 //! | 3 release | claim | |
 //! | 4 get | | two words of a parameter |
 //! | 5 set | two words expected, two words new | |
+//! | 6 initial | | two words of a parameter, with which its program began |
 //!
 //! | response | further words | meaning |
 //! |---|---|---|
@@ -136,6 +137,7 @@ pub(crate) mod operation {
     pub(crate) const RELEASE: u32 = 3;
     pub(crate) const GET: u32 = 4;
     pub(crate) const SET: u32 = 5;
+    pub(crate) const INITIAL: u32 = 6;
 }
 
 pub(crate) mod response {

@@ -229,6 +229,10 @@ pub trait Tune: Watch {
     /// there is no such parameter. The loop may not have taken the value over yet.
     fn wanted(&self, index: usize) -> [u32; 2];
 
+    /// Returns the words of the value with which the parameter `index` began; zeros if there is no such
+    /// parameter.
+    fn initial(&self, index: usize) -> [u32; 2];
+
     /// Takes over the values that were set, unless they are being written at this moment; never waits. The loop
     /// calls this when a tick begins.
     fn latch(&self);
@@ -279,6 +283,11 @@ impl<T: Scalar, const N: usize> Tune for Params<T, N> {
             _ => self.accepted.get(index).map(Storage::load),
         };
         words.unwrap_or_default()
+    }
+
+    fn initial(&self, index: usize) -> [u32; 2] {
+        let initial = self.initial.get(index);
+        initial.map_or([0; 2], |value| value.to_words())
     }
 
     #[inline]

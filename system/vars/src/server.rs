@@ -170,6 +170,10 @@ impl<'e, W: MemoryWindow, X: Exclusion, const N: usize> VariableServer<'e, W, X,
                 let (param, index) = self.param(number)?;
                 Ok(self.exclusion.with(|| param.wanted(index)))
             }
+            operation::INITIAL => {
+                let (param, index) = self.param(number)?;
+                Ok(param.initial(index))
+            }
             operation::SET => self.set(number, [a, b], [c, d]),
             _ => refused_with(response::NO_OPERATION, operation, 0),
         }

@@ -12,7 +12,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     test::build(context)?;
     let line = format!(
         "{python} system/cli/examples/viewer.py target/debug/utah-mit-hand \
-         /servo_a/servo index.proximal.kp"
+         /servo_a/servo index.proximal.servo.kp"
     );
     let kept = context.command(&line).kept()?;
     Ok(Summary::of(format!("{kept} checks by a client in Python")))

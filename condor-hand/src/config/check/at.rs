@@ -20,6 +20,39 @@ const MOST: f64 = 1e15;
 /// The largest error of an entry of an orthonormal matrix: people write ten digits.
 pub(super) const ORTHONORMAL: f64 = 1e-9;
 
+/// A number: its key in a table, its value, and what it must be.
+pub(in crate::config) type Rule = (&'static str, f64, Requirement);
+
+/// Returns the least and the greatest number that `key` can have by these rules. A bound that a number must not reach
+/// is moved by `margin`.
+pub(in crate::config) fn range(rules: &[Rule], key: &str, margin: f64) -> [f64; 2] {
+    let of_key = rules.iter().filter(|(name, ..)| *name == key);
+    of_key.fold([-MOST, MOST], |[least, greatest], (.., must)| match *must {
+        Requirement::Above(bound) => [max(least, bound + margin), greatest],
+        Requirement::AtLeast(bound) => [max(least, bound), greatest],
+        Requirement::Below(bound) => [least, min(greatest, bound - margin)],
+        Requirement::AtMost(bound) => [least, min(greatest, bound)],
+        Requirement::Within(low, high) => [max(least, low), min(greatest, high)],
+        Requirement::Finite | Requirement::Equal(_) | Requirement::MultipleOf(_) => {
+            [least, greatest]
+        }
+    })
+}
+
+/// The rules of the cutoff of a filter at a rate. A filter that is slower still would never move.
+pub(in crate::config) fn cutoff_rules(
+    key: &'static str,
+    cutoff_hz: f64,
+    rate_hz: u32,
+) -> [Rule; 3] {
+    let rate_hz = f64::from(rate_hz);
+    [
+        (key, cutoff_hz, POSITIVE),
+        (key, cutoff_hz, Requirement::AtLeast(1e-9 * rate_hz)),
+        (key, cutoff_hz, Requirement::Below(0.5 * rate_hz)),
+    ]
+}
+
 /// The way to a table within its owner.
 pub(super) type Table = heapless::String<39, u8>;
 
@@ -195,20 +228,13 @@ impl At {
 
     pub(super) fn cutoff(
         &self,
-        field: &str,
+        key: &'static str,
         cutoff_hz: Option<f64>,
         rate_hz: u32,
     ) -> Result<(), Mistake> {
-        let Some(cutoff_hz) = cutoff_hz else {
-            return Ok(());
-        };
-        let rate_hz = f64::from(rate_hz);
-        // A filter that is slower still would never move.
-        self.numbers([
-            (field, cutoff_hz, POSITIVE),
-            (field, cutoff_hz, Requirement::AtLeast(1e-9 * rate_hz)),
-            (field, cutoff_hz, Requirement::Below(0.5 * rate_hz)),
-        ])
+        cutoff_hz.map_or(Ok(()), |cutoff_hz| {
+            self.numbers(cutoff_rules(key, cutoff_hz, rate_hz))
+        })
     }
 
     pub(super) fn not_empty(&self, field: &str, is_empty: bool) -> Result<(), Mistake> {

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::at::{At, NOT_NEGATIVE, ORTHONORMAL, POSITIVE, entry};
+use super::at::{At, NOT_NEGATIVE, ORTHONORMAL, POSITIVE, Rule, entry};
 use crate::config::{
     Allowed, Finger, Form, Hand, Joint, JointMotion, LinkBody, Mistake, MistakeValue, Mount,
     ProcessorKind, Rotation, ServoLaw, Shape, Tendon,
@@ -215,11 +215,11 @@ fn is_possible(inertia: &Matrix3<f64>) -> bool {
 }
 
 impl<const J: usize> Joint<J> {
-    fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
-        at.limits(&self.limits)?;
+    /// The rules of its numbers that do not depend on those of others, or of its tendons.
+    pub(in crate::config) fn rules(&self) -> [Rule; 16] {
         let (servo, stop, friction) = (&self.servo, &self.stop, &self.friction);
         let half = Requirement::AtMost(0.5 * (self.limits.high - self.limits.low));
-        at.numbers([
+        [
             ("servo.kp", servo.kp, NOT_NEGATIVE),
             ("servo.kv", servo.kv, NOT_NEGATIVE),
             ("servo.ki", servo.ki, NOT_NEGATIVE),
@@ -236,7 +236,13 @@ impl<const J: usize> Joint<J> {
             ("friction.coulomb", friction.coulomb, NOT_NEGATIVE),
             ("friction.coulomb_rate", friction.coulomb_rate, NOT_NEGATIVE),
             ("friction.tendon", friction.tendon, NOT_NEGATIVE),
-        ])?;
+        ]
+    }
+
+    fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
+        at.limits(&self.limits)?;
+        at.numbers(self.rules())?;
+        let (servo, friction) = (&self.servo, &self.friction);
         // A law whose gain is zero or left out does nothing.
         match servo.law {
             ServoLaw::Pd => at.number("servo.kp", servo.kp, POSITIVE)?,
@@ -279,9 +285,10 @@ impl<const J: usize> Joint<J> {
 }
 
 impl Tendon {
-    fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
+    /// The rules of its numbers that do not depend on others.
+    pub(in crate::config) fn rules(&self) -> [Rule; 10] {
         let gains = &self.gains;
-        at.numbers([
+        [
             ("slack_n", self.slack_n, NOT_NEGATIVE),
             ("actuator_hz", self.actuator_hz, POSITIVE),
             ("gains.kt", gains.kt, NOT_NEGATIVE),
@@ -292,10 +299,21 @@ impl Tendon {
             ("min_n", self.min_n, Requirement::Finite),
             ("max_n", self.max_n, Requirement::Finite),
             ("break_n", self.break_n, Requirement::Finite),
-        ])?;
-        at.below(("slack_n", self.slack_n), ("min_n", self.min_n))?;
-        at.below(("min_n", self.min_n), ("max_n", self.max_n))?;
-        at.below(("max_n", self.max_n), ("break_n", self.break_n))?;
+        ]
+    }
+
+    /// Its tensions, each of which must be below the next.
+    pub(in crate::config) const fn order(&self) -> [[(&'static str, f64); 2]; 3] {
+        let (slack, least) = (("slack_n", self.slack_n), ("min_n", self.min_n));
+        let (largest, breaks) = (("max_n", self.max_n), ("break_n", self.break_n));
+        [[slack, least], [least, largest], [largest, breaks]]
+    }
+
+    fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
+        at.numbers(self.rules())?;
+        for [tension, above] in self.order() {
+            at.below(tension, above)?;
+        }
         at.cutoff("cutoff_hz", self.cutoff_hz, rate_hz)?;
         at.input(&self.adc, [self.slack_n, self.break_n])?;
         at.output(&self.dac, [0.0, self.max_n])

@@ -1,8 +1,10 @@
 //! Rules of what is around the fingers: rates, processors, the table, channels.
 
-use super::at::{At, NOT_NEGATIVE, POSITIVE};
+use super::at::{At, NOT_NEGATIVE, POSITIVE, Rule};
 use crate::Requirement;
-use crate::config::{Allowed, Axis, Converter, Hand, Mistake, MistakeValue, ProcessorKind, Wire};
+use crate::config::{
+    Allowed, Axis, Converter, FaultPolicy, Hand, Mistake, MistakeValue, ProcessorKind, Wire,
+};
 use crate::number::is_within;
 
 impl<const F: usize, const J: usize> Hand<F, J> {
@@ -36,24 +38,8 @@ impl<const F: usize, const J: usize> Hand<F, J> {
         at.name(&self.name, core::iter::empty())?;
         at.number("transition_s", self.transition_s, POSITIVE)?;
         at.list("gravity", &self.gravity, Requirement::Finite)?;
-        let faults = &self.faults;
-        // The way to the least tensions takes two ticks or more, which 32 bits count.
-        let servo_hz = f64::from(self.servo_hz);
-        let least = Requirement::AtLeast(2.0 / servo_hz);
-        let most = Requirement::AtMost(f64::from(u32::MAX) / servo_hz);
-        at.table("faults").numbers([
-            ("safe_s", faults.safe_s, least),
-            ("safe_s", faults.safe_s, most),
-            ("stale_s", faults.stale_s, POSITIVE),
-            ("tension_samples", faults.tension_samples.into(), POSITIVE),
-            ("sensor_samples", faults.sensor_samples.into(), POSITIVE),
-            ("lost_samples", faults.lost_samples.into(), POSITIVE),
-            ("frozen_rad", faults.frozen_rad, POSITIVE),
-            ("tracking_rad", faults.tracking_rad, POSITIVE),
-            ("tracking_samples", faults.tracking_samples.into(), POSITIVE),
-            ("overtravel_rad", faults.overtravel_rad, NOT_NEGATIVE),
-            ("missed_deadlines", faults.missed_deadlines.into(), POSITIVE),
-        ])?;
+        let rules = self.faults.rules(self.servo_hz);
+        at.table("faults").numbers(rules)?;
         self.contact.as_ref().map_or(Ok(()), |contact| {
             at.table("contact").numbers([
                 ("friction", contact.friction, POSITIVE),
@@ -147,7 +133,43 @@ impl<const F: usize, const J: usize> Hand<F, J> {
     }
 }
 
+impl FaultPolicy {
+    /// The rules of its numbers, with servos of this rate.
+    pub(in crate::config) fn rules(&self, servo_hz: u32) -> [Rule; 11] {
+        // The way to the least tensions takes two ticks or more, which 32 bits count.
+        let servo_hz = f64::from(servo_hz);
+        let least = Requirement::AtLeast(2.0 / servo_hz);
+        let most = Requirement::AtMost(f64::from(u32::MAX) / servo_hz);
+        [
+            ("safe_s", self.safe_s, least),
+            ("safe_s", self.safe_s, most),
+            ("stale_s", self.stale_s, POSITIVE),
+            ("tension_samples", self.tension_samples.into(), POSITIVE),
+            ("sensor_samples", self.sensor_samples.into(), POSITIVE),
+            ("lost_samples", self.lost_samples.into(), POSITIVE),
+            ("frozen_rad", self.frozen_rad, POSITIVE),
+            ("tracking_rad", self.tracking_rad, POSITIVE),
+            ("tracking_samples", self.tracking_samples.into(), POSITIVE),
+            ("overtravel_rad", self.overtravel_rad, NOT_NEGATIVE),
+            ("missed_deadlines", self.missed_deadlines.into(), POSITIVE),
+        ]
+    }
+}
+
 impl Axis {
+    /// The rules of its numbers that do not depend on others.
+    pub(in crate::config) fn rules(&self) -> [Rule; 7] {
+        [
+            ("mass_kg", self.mass_kg, POSITIVE),
+            ("viscous", self.viscous, NOT_NEGATIVE),
+            ("max_n", self.max_n, POSITIVE),
+            ("servo.kp", self.servo.kp, NOT_NEGATIVE),
+            ("servo.kv", self.servo.kv, NOT_NEGATIVE),
+            ("servo.ki", self.servo.ki, NOT_NEGATIVE),
+            ("servo.integral_max", self.servo.integral_max, NOT_NEGATIVE),
+        ]
+    }
+
     fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
         at.unit("direction", self.direction)?;
         at.limits(&self.limits)?;
@@ -158,15 +180,7 @@ impl Axis {
                 ("home", self.home, Requirement::AtMost(high)),
             ])?;
         }
-        at.numbers([
-            ("mass_kg", self.mass_kg, POSITIVE),
-            ("viscous", self.viscous, NOT_NEGATIVE),
-            ("max_n", self.max_n, POSITIVE),
-            ("servo.kp", self.servo.kp, NOT_NEGATIVE),
-            ("servo.kv", self.servo.kv, NOT_NEGATIVE),
-            ("servo.ki", self.servo.ki, NOT_NEGATIVE),
-            ("servo.integral_max", self.servo.integral_max, NOT_NEGATIVE),
-        ])?;
+        at.numbers(self.rules())?;
         let cutoff_hz = Some(self.servo.velocity_cutoff_hz);
         at.cutoff("servo.velocity_cutoff_hz", cutoff_hz, rate_hz)?;
         at.input(&self.adc, [low, high])?;

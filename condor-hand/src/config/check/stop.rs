@@ -11,10 +11,40 @@ use crate::math::exp;
 const REST_S: f64 = 4.0;
 const LEFT: f64 = 0.01;
 
+/// While the robot runs, a cutoff can be this part of the described one at least.
+pub(in crate::config) const LOWER_CUTOFF: f64 = 0.1;
+
 impl<const J: usize> Joint<J> {
     /// Refuses a stop in which the joint would swing for ever, or for too long.
     pub(super) fn check_stop(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
         let bandwidth_hz = self.stop.bandwidth_hz;
+        let rests = self.rests_at(rate_hz);
+        if self.stop.zone == 0.0 || bandwidth_hz == 0.0 || rests(bandwidth_hz) {
+            return Ok(());
+        }
+        let must = Requirement::AtMost(boundary(0.0, bandwidth_hz, rests));
+        let reason = "; with its servo and its actuators the joint would swing on a stiffer stop instead of coming to rest";
+        Err(at.off("stop.bandwidth_hz", bandwidth_hz, must, reason))
+    }
+
+    /// The least part of their described cutoffs with which the filters of position and velocity are fast enough for
+    /// the described stop, from a tenth to 1.
+    pub(in crate::config) fn slowest_filters(&self, rate_hz: u32) -> f64 {
+        let rests = |part: f64| {
+            let mut slower = self.clone();
+            let servo = &mut slower.servo;
+            servo.velocity_cutoff_hz *= part;
+            servo.position_cutoff_hz = servo.position_cutoff_hz.map(|hz| part * hz);
+            slower.rests_at(rate_hz)(self.stop.bandwidth_hz)
+        };
+        if self.stop.zone == 0.0 || self.stop.bandwidth_hz == 0.0 || rests(LOWER_CUTOFF) {
+            return LOWER_CUTOFF;
+        }
+        boundary(1.0, LOWER_CUTOFF, rests)
+    }
+
+    /// Tells whether the joint comes to rest at a stop of a bandwidth.
+    fn rests_at(&self, rate_hz: u32) -> impl Fn(f64) -> bool {
         // A law that swings by itself does so everywhere, and is judged by whoever tunes it.
         let law_hz = match self.servo.law {
             ServoLaw::Decoupled if rests(self, self.servo.bandwidth_hz, 0.0, rate_hz) => {
@@ -24,24 +54,21 @@ impl<const J: usize> Joint<J> {
             ServoLaw::Pd | ServoLaw::Decoupled => 0.0,
         };
         // In other modes than that of positions the stop is alone.
-        let rests =
-            |stop_hz| rests(self, law_hz, stop_hz, rate_hz) && rests(self, 0.0, stop_hz, rate_hz);
-        if self.stop.zone == 0.0 || bandwidth_hz == 0.0 || rests(bandwidth_hz) {
-            return Ok(());
-        }
-        let (mut most, mut beyond) = (0.0, bandwidth_hz);
-        for _ in 0..20 {
-            let middle = f64::midpoint(most, beyond);
-            if rests(middle) {
-                most = middle;
-            } else {
-                beyond = middle;
-            }
-        }
-        let must = Requirement::AtMost(most);
-        let reason = "; with its servo and its actuators the joint would swing on a stiffer stop instead of coming to rest";
-        Err(at.off("stop.bandwidth_hz", bandwidth_hz, must, reason))
+        move |stop_hz| rests(self, law_hz, stop_hz, rate_hz) && rests(self, 0.0, stop_hz, rate_hz)
     }
+}
+
+/// The last number on the way from `good`, where it `holds`, to `bad`, where it does not.
+fn boundary(mut good: f64, mut bad: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..20 {
+        let middle = f64::midpoint(good, bad);
+        if holds(middle) {
+            good = middle;
+        } else {
+            bad = middle;
+        }
+    }
+    good
 }
 
 /// Returns true if the joint comes to rest with a law and a stop of these bandwidths, with either tendon.

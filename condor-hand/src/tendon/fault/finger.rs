@@ -76,6 +76,21 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         })
     }
 
+    /// Returns the limits.
+    pub(crate) const fn limits(&self) -> &FaultLimits<T, N> {
+        &self.limits
+    }
+
+    /// Changes the limits, from the next tick on. The counts of samples go on.
+    ///
+    /// # Errors
+    /// [`NumberError`] for the first limit that is wrong; all limits stay then.
+    pub fn set_limits(&mut self, limits: FaultLimits<T, N>) -> Result<(), NumberError> {
+        limits.check()?;
+        self.limits = limits;
+        Ok(())
+    }
+
     /// Checks the values of one tick. Returns the first fault since the last
     /// [`clear`](Self::clear), which may be an earlier one; `None` if there was none.
     pub fn update(&mut self, observation: &Observation<'_, T, N>) -> Option<FingerFault> {

@@ -129,14 +129,14 @@ fn b_the_required_controller_variables_can_be_tuned_from_this_level() {
         enabled(typist);
         let before = typist.says("gains index.proximal");
         assert!(
-            before.contains("damping_ratio 1\n") || before.contains("damping_ratio 1 "),
+            before.contains("servo.zeta 1\n") || before.contains("servo.zeta 1 "),
             "{before}"
         );
-        typist.does("gains index.proximal damping_ratio 1.25 bandwidth_hz 8");
+        typist.does("gains index.proximal servo.zeta 1.25 servo.bandwidth_hz 8");
         let after = typist.says("gains index.proximal");
-        assert!(after.contains("damping_ratio 1.25"), "{after}");
+        assert!(after.contains("servo.zeta 1.25"), "{after}");
         assert!(
-            after.contains("bandwidth_hz 8\n") || after.contains("bandwidth_hz 8 "),
+            after.contains("servo.bandwidth_hz 8\n") || after.contains("servo.bandwidth_hz 8 "),
             "{after}"
         );
         assert_eq!(typist.says("gains index.middle"), before);

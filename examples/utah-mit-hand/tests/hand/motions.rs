@@ -358,12 +358,12 @@ fn names_are_completed_and_former_lines_come_back() {
             ("to ring.mi\t0.9 1", "to ring.middle 0.9 1"),
             ("run cou\t", "run counting "),
             (
-                "gains ring.middle damping_\t1",
-                "gains ring.middle damping_ratio 1",
+                "gains ring.middle servo.z\t1",
+                "gains ring.middle servo.zeta 1",
             ),
             (
-                "gains ring.middle damping_ratio 1 law co\t",
-                "gains ring.middle damping_ratio 1 law computed-torque ",
+                "gains ring.middle servo.zeta 1 servo.law de\t",
+                "gains ring.middle servo.zeta 1 servo.law decoupled ",
             ),
             ("fault ring.middle ex\t", "fault ring.middle extensor "),
             ("help gai\t", "help gains "),
@@ -445,17 +445,17 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
         assert!((middle - 1.0).abs() < 0.01, "{middle}");
         let gains = typist.says("gains thumb.middle");
         for gain in [
-            "law computed-torque  kp 0",
-            "bandwidth_hz 10\n",
-            "  flexor.kt 1  ",
+            "servo.law decoupled  servo.kp 1",
+            "servo.bandwidth_hz 10",
+            "flexor.gains.kt 1",
         ] {
             assert!(gains.contains(gain), "{gains}");
         }
         assert!(gains.lines().all(|line| line.len() < 80), "{gains}");
-        typist.does("gains thumb.middle bandwidth_hz 12.5 flexor.kt 0.5");
+        typist.does("gains thumb.middle servo.bandwidth_hz 12.5 flexor.gains.kt 0.5");
         let gains = typist.says("gains thumb.middle");
-        assert!(gains.contains("bandwidth_hz 12.5\n"), "{gains}");
-        assert!(gains.contains("flexor.kt 0.5  "), "{gains}");
+        assert!(gains.contains("servo.bandwidth_hz 12.5"), "{gains}");
+        assert!(gains.contains("flexor.gains.kt 0.5"), "{gains}");
         // A stop on the way, and on.
         typist.types("to thumb.middle 0.3 1.0");
         typist.wait(0.3);

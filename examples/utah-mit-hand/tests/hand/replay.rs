@@ -103,14 +103,17 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
             .set_target(1, 3, &JointTarget::Torque(0.05), SOON)
             .unwrap();
     });
-    for (gain, value) in [("kp", 2.0), ("kv", 0.03), ("ki", 1.0), ("integral_nm", 0.1)] {
-        master.set(
-            FIRST,
-            &format!("middle.middle.{gain}"),
-            AnyValue::F64(value),
-        );
+    for (name, value) in [
+        ("servo.kp", 2.0),
+        ("servo.ki", 1.0),
+        ("stop.zone", 0.1),
+        ("servo.velocity_cutoff_hz", 120.0),
+    ] {
+        let name = format!("middle.middle.{name}");
+        master.set(FIRST, &name, AnyValue::F64(value));
     }
-    master.set(FIRST, "middle.middle.law", AnyValue::Choice(0));
+    master.set(FIRST, "faults.tracking_rad", AnyValue::F64(0.5));
+    master.set(FIRST, "middle.middle.servo.law", AnyValue::Choice(0));
     master.stay(0.06);
     seen.push(registers(master));
     master.client(FIRST, |client| {

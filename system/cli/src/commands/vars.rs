@@ -1,6 +1,11 @@
 //! `condor vars`: what can be watched, and what can be set.
 
+mod diff;
+mod file;
+mod store;
 mod watch;
+
+use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 use condor_vars::AnyValue;
@@ -11,6 +16,7 @@ use super::running::Running;
 use super::{How, print, print_json};
 use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::answers::{Variable, all_values, values, variable};
+use condor_host::application::Application;
 use condor_host::error::AnyError;
 use condor_host::watching::{CatalogEntry, Clients, VariableCatalog};
 
@@ -22,6 +28,14 @@ pub(crate) enum Vars {
     Get(Get),
     /// Sets a parameter to a new value
     Set(Set),
+    /// Writes the present values of all parameters to a file
+    Save(store::Save),
+    /// Sets the parameters of a file: all of them, or none if one cannot have its value
+    Load(store::Load),
+    /// Compares parameters with what the description, or a file, says
+    ///
+    /// The exit status is 0 if none differs, 1 if one does, and 2 if they cannot be compared.
+    Diff(diff::Diff),
     /// Shows variables and parameters at the rate of their loops, until Ctrl-C
     Watch(watch::Watch),
 }
@@ -72,13 +86,17 @@ struct ParamChange<'s> {
 }
 
 impl Vars {
-    pub(crate) fn run(&self) -> Result<(), AnyError> {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<ExitCode, AnyError> {
         match self {
-            Self::List(list) => list.run(),
-            Self::Get(get) => get.run(),
-            Self::Set(set) => set.run(),
-            Self::Watch(watch) => watch.run(),
+            Self::List(list) => list.run()?,
+            Self::Get(get) => get.run()?,
+            Self::Set(set) => set.run()?,
+            Self::Save(save) => save.run()?,
+            Self::Load(load) => load.run()?,
+            Self::Diff(diff) => return diff.run(application),
+            Self::Watch(watch) => watch.run()?,
         }
+        Ok(ExitCode::SUCCESS)
     }
 }
 

@@ -67,7 +67,9 @@ const GROUPS: [(&str, &[Examples]); 7] = [
                 &[
                     "vars list",
                     "vars watch 'index.*.position'",
-                    "vars set index.proximal.kp 0.8",
+                    "vars set index.proximal.servo.kp 0.8",
+                    "vars diff",
+                    "vars save tuned.toml",
                 ],
             ),
             ("send", &["send servo-a 64 1"]),

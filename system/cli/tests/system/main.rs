@@ -21,5 +21,6 @@ mod recording;
 mod running;
 mod streams;
 mod supervisor;
+mod tuned;
 mod typing;
 mod writer;

@@ -99,6 +99,17 @@ impl<'v> Clients<'v> {
         Ok(Some(value))
     }
 
+    /// Returns the value with which the parameter `one` began when its program was started: that of the description.
+    ///
+    /// # Errors
+    /// Returns [`RequestError`] if the parameter cannot be read, or `one` is none; [`ViewError`] if the memory of the
+    /// processor cannot be accessed.
+    pub fn initial(&mut self, one: &CatalogEntry) -> Result<AnyValue, AnyError> {
+        let answer = self.answer;
+        let client = self.of(&one.member)?;
+        Ok(client.initial(&one.table, &one.entry, answer)?)
+    }
+
     /// Sets the parameter `one` to `new`, and returns its previous value. The parameter is set only if its value is
     /// `from`; if `from` is `None`, only if no other program sets it during this call. The program that owns the
     /// parameter checks the new value.

@@ -78,8 +78,8 @@ commands! {
             "N: within the range of the actuators.";
         "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "acts as a spring" "impedance index 0.05" impedance
             "Stiffness, damping, and the position at rest, by default the present one.";
-        "gains" "FINGER.JOINT [GAIN VALUE]..." "shows or sets gains of the controller"
-            "gains index.middle damping_ratio 1" gains "A value out of its range is refused with the range.";
+        "gains" "FINGER.JOINT [GAIN VALUE]..." "shows or sets gains, filters and limits"
+            "gains index.middle servo.zeta 1" gains "A value out of its range is refused with the range.";
     }
     "teach": "records motions, and keeps them in files" {
         "record" "MOTION" "records what is run until `save`" "record mine" record

@@ -2,6 +2,7 @@
 
 use core::cell::RefCell;
 
+use condor_hand::config::MotionNumber;
 use condor_hand::controller::GuardStop;
 use condor_hand::trajectory::{
     Generator, MotionGuard, Observations, Primitive, SetPoint, StopGuard, StreamEnd,
@@ -18,10 +19,12 @@ use crate::grasp::{JOINTS_NAME, Joints, Partner, PartnerState};
 use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
 use crate::joints::JointNumbers;
 use crate::message::{ServoLayout, SetPoints};
+use crate::numbers::NumberPlace;
 use crate::{FINGERS, JOINTS};
 
 mod stream;
 
+use super::MotionRates;
 use stream::Streaming;
 
 /// Primitives that wait in the generator; others wait in the sequence.
@@ -201,6 +204,29 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             period_s,
             ticks: 0,
         }
+    }
+
+    /// Takes over limits of motions, if nothing moves or waits; tells whether it has.
+    #[cold]
+    pub(super) fn set_rates(&mut self, rates: &MotionRates<'_>) -> bool {
+        if !self.generator.is_idle() || self.stream.is_some() {
+            return false;
+        }
+        let mut velocity = 0.0;
+        for (place, value) in rates.present() {
+            match place {
+                NumberPlace::Motion(_, _, MotionNumber::Velocity) => velocity = value,
+                NumberPlace::Motion(finger, joint, MotionNumber::Acceleration) => {
+                    let joint = self.numbers.number(finger.into(), joint.into());
+                    // As in a description, it grows to its limit within a tick.
+                    let jerk = value / self.period_s;
+                    // Limits within their ranges are accepted.
+                    let _ = self.generator.set_rates(joint, velocity, value, jerk);
+                }
+                _ => {}
+            }
+        }
+        true
     }
 
     /// One tick of the trajectories.

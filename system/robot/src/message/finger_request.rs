@@ -1,3 +1,4 @@
+use condor_hand::config::{FaultNumber, JointNumber};
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::servo::{JointGains, JointTarget, ServoMode};
@@ -44,6 +45,22 @@ pub enum FingerRequest<const N: usize> {
         #[serde(with = "array")]
         guards: [StopGuard; N],
     },
+    /// Sets another limit, stop, filter or threshold of a joint.
+    Number {
+        /// The joint, from 0.
+        joint: usize,
+        /// The number that was set.
+        number: JointNumber,
+        /// The value that was asked for.
+        value: f64,
+    },
+    /// Sets another condition of faults.
+    Fault {
+        /// The number that was set.
+        number: FaultNumber,
+        /// The value that was asked for.
+        value: f64,
+    },
 }
 
 impl<const N: usize> FingerRequest<N> {
@@ -72,6 +89,16 @@ impl<const N: usize> FingerRequest<N> {
             }
             Self::Follow { points, guards } => {
                 let _ = controller.follow(&points, &guards);
+            }
+            Self::Number {
+                joint,
+                number,
+                value,
+            } => {
+                let _ = controller.set_number(joint, number, value);
+            }
+            Self::Fault { number, value } => {
+                let _ = controller.set_fault_number(number, value);
             }
         }
     }
@@ -161,6 +188,15 @@ mod tests {
             FingerRequest::Target { joint: 1, target },
             FingerRequest::Gains { joint: 2, gains },
             FingerRequest::Follow { points, guards },
+            FingerRequest::Number {
+                joint: 3,
+                number: JointNumber::ExtensorCutoff,
+                value: 25.0,
+            },
+            FingerRequest::Fault {
+                number: FaultNumber::Tracking,
+                value: 0.2,
+            },
         ] {
             let mut words = [7; 64];
             let len = asked.put(&mut words).unwrap();

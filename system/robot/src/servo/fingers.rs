@@ -14,12 +14,14 @@ use super::control::{Control, OfFingers, Servos};
 use super::feeling::Feeling;
 use super::gains::Gains;
 use super::news::LoopNews;
+use super::numbers::ServoNumbers;
 use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
 use crate::desired::DesiredPositions;
 use crate::grasp::{Joints, Partner, PartnerState};
 use crate::guards::{Felt, Stops};
 use crate::message::{FingerRequest, GraspEnd, HandLoop};
+use crate::numbers::NumberPlace;
 use crate::recording::{Recorder, TickInputs};
 use crate::table::Palm;
 use crate::{FINGERS, JOINTS, Mechanism};
@@ -39,8 +41,9 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) servos: HandLoop<'r, Mechanism, M::Window, FINGERS, JOINTS>,
     pub(super) variables: &'r Variables<'r>,
     pub(super) gains: &'r Gains<'r>,
-    /// The version of the gains that the controllers have.
-    pub(super) tuned: [u32; 2],
+    pub(super) numbers: &'r ServoNumbers<'r>,
+    /// The versions of the gains and numbers that the controllers have.
+    pub(super) tuned: ([u32; 2], [u32; 3]),
     pub(super) wires: &'r mut dyn Wires,
     pub(super) grasp: GraspEnd<M::Window>,
     pub(super) partners: &'r [Partner<M::Window>],
@@ -92,10 +95,11 @@ impl<M: Machine> Fingers<'_, M> {
             servos: &mut self.servos,
             recorder: self.recorder.as_mut(),
         };
-        let version = self.gains.version();
+        let version = (self.gains.version(), self.numbers.version());
         if version != self.tuned {
             self.tuned = version;
             servos.tune(self.gains);
+            servos.set_numbers(self.numbers);
         }
         let ticks = self.control.step(&measured, &given, &mut servos);
         self.grasp.tell(self.control.grasp().report());
@@ -223,6 +227,41 @@ impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
                 }
             }
             place += 1;
+        }
+    }
+
+    /// Sets the limits, filters and conditions of faults that have changed.
+    #[cold]
+    fn set_numbers(&mut self, numbers: &ServoNumbers<'_>) {
+        for (place, value) in numbers.joints.present() {
+            let NumberPlace::Joint(finger, joint, number) = place else {
+                continue;
+            };
+            let (finger, joint) = (usize::from(finger), usize::from(joint));
+            // Numbers within their ranges are accepted.
+            if let Some(controller) = self.servos.controller_mut(finger)
+                && controller.number(joint, number) != Some(value)
+                && controller.set_number(joint, number, value).is_ok()
+                && let Some(recorder) = &mut self.recorder
+            {
+                let request = FingerRequest::Number {
+                    joint,
+                    number,
+                    value,
+                };
+                recorder.request(finger, &request);
+            }
+        }
+        for (number, value) in numbers.faults() {
+            for finger in 0..FINGERS {
+                if let Some(controller) = self.servos.controller_mut(finger)
+                    && controller.faults().number(number).to_bits() != value.to_bits()
+                    && controller.set_fault_number(number, value).is_ok()
+                    && let Some(recorder) = &mut self.recorder
+                {
+                    recorder.request(finger, &FingerRequest::Fault { number, value });
+                }
+            }
         }
     }
 }

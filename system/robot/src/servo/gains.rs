@@ -3,7 +3,7 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::AtomicU32;
 
-use condor_hand::config::{Finger, Joint};
+use condor_hand::config::{Finger, Joint, ServoLaw};
 use condor_hand::math::max;
 use condor_hand::servo::{JointGains, PositionLaw};
 use condor_hand::tendon::{Pair, TensionGains};
@@ -12,33 +12,45 @@ use condor_vars::{ParamRefusal, Params, Scalar, Tune, VarDescription, Watch, cho
 use super::ServedFingers;
 use crate::{FINGERS, JOINTS};
 
-/// The gains of each joint: name, unit and description. All are numbers.
+/// The gains of each joint: key in the robot's description, unit and text. All are numbers.
 const GAIN: [Names; 15] = [
-    ("kp", "N m/rad", "Stiffness, law pd."),
-    ("kv", "N m s/rad", "Damping, law pd."),
-    ("ki", "N m/(rad s)", "Integral gain, law pd."),
-    ("integral_nm", "N m", "Limit of the integral, law pd."),
+    ("servo.kp", "N m/rad", "Stiffness, law pd."),
+    ("servo.kv", "N m s/rad", "Damping, law pd."),
+    ("servo.ki", "N m/(rad s)", "Integral gain, law pd."),
     (
-        "bandwidth_hz",
+        "servo.integral_max",
+        "N m",
+        "Limit of the integral, law pd.",
+    ),
+    (
+        "servo.bandwidth_hz",
         "Hz",
-        "Speed with which errors vanish, law computed-torque.",
+        "Speed with which errors vanish, law decoupled.",
     ),
     (
-        "damping_ratio",
+        "servo.zeta",
         "",
-        "1 is without overshoot, law computed-torque.",
+        "Damping ratio: 1 is without overshoot, law decoupled.",
     ),
-    ("k_torque", "", "Gain of the torque's error."),
-    ("flexor.kt", "", "Proportional gain of tension."),
-    ("flexor.ki", "1/s", "Integral gain of tension."),
-    ("flexor.kd", "s", "Derivative gain of tension."),
-    ("flexor.kv", "N s/rad", "Gain of the joint's velocity."),
-    ("extensor.kt", "", "Proportional gain of tension."),
-    ("extensor.ki", "1/s", "Integral gain of tension."),
-    ("extensor.kd", "s", "Derivative gain of tension."),
-    ("extensor.kv", "N s/rad", "Gain of the joint's velocity."),
+    ("servo.k_tau", "", "Gain of the torque's error."),
+    ("flexor.gains.kt", "", "Proportional gain of tension."),
+    ("flexor.gains.ki", "1/s", "Integral gain of tension."),
+    ("flexor.gains.kd", "s", "Derivative gain of tension."),
+    (
+        "flexor.gains.kv",
+        "N s/rad",
+        "Gain of the joint's velocity.",
+    ),
+    ("extensor.gains.kt", "", "Proportional gain of tension."),
+    ("extensor.gains.ki", "1/s", "Integral gain of tension."),
+    ("extensor.gains.kd", "s", "Derivative gain of tension."),
+    (
+        "extensor.gains.kv",
+        "N s/rad",
+        "Gain of the joint's velocity.",
+    ),
 ];
-const LAW: [Names; 1] = [("law", "", "The law that follows positions.")];
+const LAW: [Names; 1] = [("servo.law", "", "The law that follows positions.")];
 /// The greatest value of each gain, in the order of [`GAIN`]: above what a finger of this size bears, and
 /// below what can only be a mistake. If a joint is configured with more, that is the greatest value. The least
 /// value is 0.
@@ -60,11 +72,11 @@ choice! {
         /// [`PositionLaw::Pd`].
         Pd = "pd",
         /// [`PositionLaw::ComputedTorque`].
-        ComputedTorque = "computed-torque",
+        ComputedTorque = "decoupled",
     }
 }
 
-/// The gains of the joints of a processor, under names such as `index.proximal.flexor.kt`.
+/// The gains of the joints of a processor, under names such as `index.proximal.flexor.gains.kt`.
 ///
 /// Both laws have their gains all the time; the one of `law` is in force.
 pub(super) struct Gains<'h> {
@@ -82,26 +94,17 @@ pub(super) struct OfJoints<'h, P, const N: usize> {
 }
 
 impl<'h> Gains<'h> {
-    /// Begins with what the servos of these fingers have; `of` returns it, given the place of a finger
-    /// among them and a joint.
-    pub(super) fn new(
-        fingers: &ServedFingers<'h>,
-        of: impl Fn(usize, usize) -> Option<JointGains<f64>>,
-    ) -> Self {
+    /// Makes the parameters of these fingers, with the values that the description has.
+    pub(super) fn new(fingers: &ServedFingers<'h>) -> Self {
         let mut laws = [Law::Pd; ALL];
         let mut numbers = [0.0; NUMBERS];
         let (of_joints, _) = numbers.as_chunks_mut();
         let mut most = MOST;
-        let joints = (0..fingers.len()).flat_map(|place| {
-            let joints = fingers.get(place).map_or(0, |finger| finger.joints.len());
-            (0..joints).map(move |joint| (place, joint))
-        });
-        for ((place, joint), (law, numbers)) in joints.zip(laws.iter_mut().zip(of_joints)) {
-            if let Some(gains) = of(place, joint) {
-                (*law, *numbers) = split(&gains);
-                for (most, &configured) in most.iter_mut().zip(&*numbers) {
-                    *most = max(*most, configured);
-                }
+        let joints = fingers.iter().flat_map(|finger| &finger.joints);
+        for (joint, (law, numbers)) in joints.zip(laws.iter_mut().zip(of_joints)) {
+            (*law, *numbers) = described(joint);
+            for (most, &configured) in most.iter_mut().zip(&*numbers) {
+                *most = max(*most, configured);
             }
         }
         Self {
@@ -164,32 +167,32 @@ impl<'h> Gains<'h> {
     }
 }
 
-/// The law of a joint and its numbers, in the order of [`GAIN`]; those of the other law are 0.
-fn split(gains: &JointGains<f64>) -> (Law, [f64; GAIN.len()]) {
-    let (law, of_law) = match gains.law {
-        PositionLaw::Pd {
-            kp,
-            kv,
-            ki,
-            integral_nm,
-        } => (Law::Pd, [kp, kv, ki, integral_nm, 0.0, 0.0]),
-        PositionLaw::ComputedTorque {
-            bandwidth_hz,
-            damping_ratio,
-        } => (
-            Law::ComputedTorque,
-            [0.0, 0.0, 0.0, 0.0, bandwidth_hz, damping_ratio],
-        ),
+/// The law of a joint and the gains of both laws, in the order of [`GAIN`].
+const fn described(joint: &Joint<JOINTS>) -> (Law, [f64; GAIN.len()]) {
+    let servo = &joint.servo;
+    let law = match servo.law {
+        ServoLaw::Pd => Law::Pd,
+        ServoLaw::Decoupled => Law::ComputedTorque,
     };
-    let tendons = [gains.tension.flexor, gains.tension.extensor];
-    let tendons = tendons.map(|TensionGains { kt, ki, kd, kv }| [kt, ki, kd, kv]);
-    let torque = [gains.k_torque];
-    let all = of_law.iter().chain(&torque).chain(tendons.as_flattened());
-    let mut numbers = [0.0; GAIN.len()];
-    for (place, value) in numbers.iter_mut().zip(all) {
-        *place = *value;
-    }
-    (law, numbers)
+    let (flexor, extensor) = (&joint.flexor.gains, &joint.extensor.gains);
+    let gains = [
+        servo.kp,
+        servo.kv,
+        servo.ki,
+        servo.integral_max,
+        servo.bandwidth_hz,
+        servo.zeta,
+        servo.k_tau,
+        flexor.kt,
+        flexor.ki,
+        flexor.kd,
+        flexor.kv,
+        extensor.kt,
+        extensor.ki,
+        extensor.kd,
+        extensor.kv,
+    ];
+    (law, gains)
 }
 
 impl<'h, P, const N: usize> OfJoints<'h, P, N> {
@@ -258,6 +261,10 @@ impl<P: Tune, const N: usize> Tune for OfJoints<'_, P, N> {
         self.params.wanted(index)
     }
 
+    fn initial(&self, index: usize) -> [u32; 2] {
+        self.params.initial(index)
+    }
+
     fn latch(&self) {
         self.params.latch();
     }
@@ -271,33 +278,48 @@ impl<P: Tune, const N: usize> Tune for OfJoints<'_, P, N> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_gain_can_be_set_to_what_is_configured() {
+    fn utah() -> crate::RobotDescription {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-        let hand = crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
-        let tension = TensionGains {
-            kt: 500.0,
-            ki: 0.25,
-            kd: 0.0,
-            kv: 3.0,
-        };
-        let configured = JointGains {
-            law: PositionLaw::ComputedTorque {
-                bandwidth_hz: 80.0,
-                damping_ratio: 1.0,
+        crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap()
+    }
+
+    /// The gains of a joint that runs as it is described.
+    fn gains_of(joint: &Joint<JOINTS>) -> JointGains<f64> {
+        let servo = &joint.servo;
+        JointGains {
+            law: match servo.law {
+                ServoLaw::Pd => PositionLaw::Pd {
+                    kp: servo.kp,
+                    kv: servo.kv,
+                    ki: servo.ki,
+                    integral_nm: servo.integral_max,
+                },
+                ServoLaw::Decoupled => PositionLaw::ComputedTorque {
+                    bandwidth_hz: servo.bandwidth_hz,
+                    damping_ratio: servo.zeta,
+                },
             },
-            k_torque: 0.0,
+            k_torque: servo.k_tau,
             tension: Pair {
-                flexor: tension,
-                extensor: tension,
+                flexor: joint.flexor.gains,
+                extensor: joint.extensor.gains,
             },
-        };
+        }
+    }
+
+    #[test]
+    fn a_gain_can_be_set_to_what_is_described() {
+        let mut hand = utah();
+        let joint = &mut hand.fingers[0].joints[0];
+        (joint.servo.bandwidth_hz, joint.flexor.gains.kt) = (80.0, 500.0);
+        let values = described(joint).1;
         let fingers = super::super::fingers_on(&hand, 1);
-        let gains = Gains::new(&fingers, |_, _| Some(configured)).numbers;
+        let gains = Gains::new(&fingers).numbers;
         let set = |index: usize, from: f64, to: f64| {
             gains.compare_and_set_words(index, from.to_words(), to.to_words())
         };
-        for (index, (value, most)) in split(&configured).1.into_iter().zip(MOST).enumerate() {
+        for (index, (value, most)) in values.into_iter().zip(MOST).enumerate() {
+            assert_eq!(gains.initial(index), value.to_words());
             set(index, value, 0.5).unwrap();
             set(index, 0.5, value).unwrap();
             let most = value.max(most);
@@ -312,27 +334,16 @@ mod tests {
 
     #[test]
     fn a_gain_that_is_set_is_that_of_its_joint_alone() {
-        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-        let hand = crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
-        let tension = |kt| TensionGains {
-            kt,
-            ki: 0.25,
-            kd: 0.0,
-            kv: 3.0,
-        };
-        let first = |finger: usize, joint: usize| JointGains {
-            law: PositionLaw::ComputedTorque {
-                bandwidth_hz: 10.0 + f64::from(finger as u8),
-                damping_ratio: 1.0,
-            },
-            k_torque: f64::from(joint as u8),
-            tension: Pair {
-                flexor: tension(1.0),
-                extensor: tension(2.0),
-            },
-        };
+        let mut hand = utah();
+        for (number, finger) in (0_u8..).zip(&mut hand.fingers) {
+            for (joint, entry) in (0_u8..).zip(&mut finger.joints) {
+                entry.servo.bandwidth_hz = 10.0 + f64::from(number);
+                entry.servo.k_tau = f64::from(joint);
+            }
+        }
+        let first = |finger: usize, joint: usize| gains_of(&hand.fingers[finger].joints[joint]);
         let fingers = super::super::fingers_on(&hand, 1);
-        let gains = Gains::new(&fingers, |finger, joint| Some(first(finger, joint)));
+        let gains = Gains::new(&fingers);
         let number = |wanted: &str| {
             (0..NUMBERS).find(|&index| {
                 let mut name = String::new();
@@ -340,10 +351,10 @@ mod tests {
                 name == wanted
             })
         };
-        let kp = number("middle.proximal.kp").unwrap();
+        let kp = number("middle.proximal.servo.kp").unwrap();
         assert_eq!(gains.numbers.describe(kp).unwrap().unit, "N m/rad");
         let params = &gains.numbers.params;
-        let bandwidth = number("index.middle.bandwidth_hz").unwrap();
+        let bandwidth = number("index.middle.servo.bandwidth_hz").unwrap();
         let set = |hz: f64| {
             let now = 10.0_f64.to_words();
             (gains.numbers).compare_and_set_words(bandwidth, now, hz.to_words())
@@ -352,9 +363,9 @@ mod tests {
         assert_eq!(set(f64::NAN), Err(ParamRefusal::OutOfBounds));
         let described = gains.numbers.describe(bandwidth).unwrap();
         assert_eq!(described.bounds, [0.0_f64, 50.0].map(Scalar::to_words));
-        params.compare_and_set_at(kp, 0.0, 7.0).unwrap();
-        let kt = number("middle.proximal.extensor.kt").unwrap();
-        params.compare_and_set_at(kt, 2.0, 0.5).unwrap();
+        params.compare_and_set_at(kp, 1.0, 7.0).unwrap();
+        let kt = number("middle.proximal.extensor.gains.kt").unwrap();
+        params.compare_and_set_at(kt, 1.0, 0.5).unwrap();
         assert_eq!(
             params.compare_and_set_at(kt, 0.5, -1.0),
             Err(ParamRefusal::OutOfBounds)
@@ -384,27 +395,19 @@ mod tests {
     #[test]
     fn short_fingers_have_gains_of_their_joints_alone() {
         let robot = crate::joints::short();
-        let of = |finger: usize, joint: usize| JointGains {
-            law: PositionLaw::ComputedTorque {
-                bandwidth_hz: 10.0,
-                damping_ratio: 1.0,
-            },
-            k_torque: f64::from((10 * finger + joint) as u8),
-            tension: Pair::both(TensionGains::default()),
-        };
         let fingers = super::super::fingers_on(&robot, 1);
-        let gains = Gains::new(&fingers, |finger, joint| Some(of(finger, joint)));
+        let gains = Gains::new(&fingers);
         for (place, joints) in [2, 4].into_iter().enumerate() {
             for joint in 0..joints {
-                let found = gains.of(place, joint).unwrap().k_torque;
-                assert!((found - of(place, joint).k_torque).abs() < f64::EPSILON);
+                let described = gains_of(&fingers[place].joints[joint]);
+                assert_eq!(gains.of(place, joint), Some(described));
             }
             assert!(gains.of(place, joints).is_none());
         }
         assert!(gains.of(2, 0).is_none());
         let mut name = String::new();
         gains.laws.name(2, &mut name).unwrap();
-        assert_eq!(name, "middle.abduction.law");
+        assert_eq!(name, "middle.abduction.servo.law");
         assert!(gains.laws.name(6, &mut name).is_err());
         assert_eq!(gains.laws.words().len(), 6);
     }

@@ -117,6 +117,27 @@ fn a_watcher_gets_what_it_selects() {
 }
 
 #[test]
+fn what_a_parameter_began_with_is_known_after_it_has_been_set() {
+    let (rig, hand, mut sampler) = start(4);
+    let mailbox = rig.join(Processor(1));
+    let mut client = rig.client(&mailbox);
+    let table = rig.table();
+    let entry = table.find("gain").unwrap().unwrap();
+    let [two, three] = [2.0, 3.0].map(AnyValue::F32);
+    client.set(&table, &entry, two, three, TIMEOUT).unwrap();
+    sampler.begin().unwrap();
+    assert!((hand.gain.get() - 3.0).abs() < f32::EPSILON);
+    assert_eq!(client.get(&table, &entry, TIMEOUT), Ok(three));
+    assert_eq!(client.initial(&table, &entry, TIMEOUT), Ok(two));
+    let most = table.find("most").unwrap().unwrap();
+    let initial = client.initial(&table, &most, TIMEOUT);
+    assert_eq!(initial, Ok(AnyValue::Uint(9)));
+    let count = table.find("count").unwrap().unwrap();
+    let wrong = client.initial(&table, &count, TIMEOUT);
+    assert_eq!(wrong, Err(RequestError::NoParam { number: 3 }));
+}
+
+#[test]
 fn what_is_overwritten_is_counted() {
     let (rig, _, mut sampler) = start(2);
     let mailbox = rig.join(Processor(1));

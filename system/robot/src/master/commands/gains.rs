@@ -16,7 +16,7 @@ use super::Commands;
 const LINE: usize = 79;
 /// A text that is shorter than a line.
 type Text = heapless::String<LINE>;
-const LAW: &str = "a law: pd or computed-torque";
+const LAW: &str = "a law: pd or decoupled";
 
 impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn gains<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
