@@ -116,6 +116,10 @@ impl Tune for RateParam<'_> {
         self.hz.wanted(index)
     }
 
+    fn initial(&self, index: usize) -> [u32; 2] {
+        self.hz.initial(index)
+    }
+
     fn latch(&self) {
         self.hz.latch();
     }
