@@ -84,16 +84,15 @@ pub enum DeviceStreamError {
 
 impl embedded_io::Error for DeviceStreamError {
     fn kind(&self) -> ErrorKind {
-        let Self::Io(error) = self else {
-            return ErrorKind::TimedOut;
-        };
-        use ErrorKind::{InvalidInput, NotConnected, Other, PermissionDenied};
-        match error {
-            IoError::Fd(FdError::Direction { .. }) => PermissionDenied,
-            IoError::Fd(FdError::Closed { .. }) => NotConnected,
-            IoError::Bus(BusErrorKind::NoAnswer | BusErrorKind::Lost) => NotConnected,
-            IoError::Length { .. } => InvalidInput,
-            _ => Other,
+        match self {
+            Self::TimedOut => ErrorKind::TimedOut,
+            Self::Io(IoError::Fd(FdError::Direction { .. })) => ErrorKind::PermissionDenied,
+            Self::Io(
+                IoError::Fd(FdError::Closed { .. })
+                | IoError::Bus(BusErrorKind::NoAnswer | BusErrorKind::Lost),
+            ) => ErrorKind::NotConnected,
+            Self::Io(IoError::Length { .. }) => ErrorKind::InvalidInput,
+            Self::Io(_) => ErrorKind::Other,
         }
     }
 }

@@ -30,13 +30,9 @@ impl Panel {
         }
     }
 
-    /// Returns the next angle that was typed, and answers that the joint, which is at `place`, goes there; `None` if
+    /// Returns the next angle that was typed, and answers that the joint, which is at `at`, goes there; `None` if
     /// nothing more was typed. Does not wait.
-    pub(crate) fn angle<M: Machine>(
-        &self,
-        stdio: &mut Stdio<'_, '_, M>,
-        place: i32,
-    ) -> Option<i32> {
+    pub(crate) fn angle(&self, stdio: &mut Stdio<'_, '_, impl Machine>, at: i32) -> Option<i32> {
         let (panel, mut line) = (self.0?, [0; 16]);
         loop {
             let typed = match stdio.read_line(panel, &mut line, Duration::ZERO) {
@@ -46,11 +42,11 @@ impl Panel {
                 Err(_) => return None,
             };
             let mut answer = stdio.stream(panel).ok()?;
-            // An answer for which there is no room is kept, and a whole one that finds none is lost.
+            // An answer that cannot be sent in time is kept; one more is lost.
             let _ = match typed.parse::<i32>() {
                 _ if typed.is_empty() => continue,
                 Ok(angle) => {
-                    let _ = write!(answer, "{place} -> {angle}\r\n");
+                    let _ = write!(answer, "{at} -> {angle}\r\n");
                     return Some(angle);
                 }
                 Err(_) => write!(answer, "{typed} is no angle in mrad, such as 300\r\n"),

@@ -50,6 +50,6 @@ pub(crate) fn files(checks: &mut Checks, system: &System) -> Result<(), FileErro
     checks.same(end.ok(), Some(""));
     checks.same(both.write(b"slack"), Ok(5));
     checks.same(both.held(), b"slack");
-    checks.same(both.write(b" again\n").is_ok() && both.held().is_empty(), true);
+    checks.that(both.write(b" again\n").is_ok() && both.held().is_empty());
     both.into_inner().into_inner().close()
 }
