@@ -83,7 +83,7 @@ fn the_host_hears_the_messages_to_a_hart() {
     let up = Up::start(&processors(), NEEDS);
     let mut observer = up.hearing("h0");
     assert_eq!(up.ask(0, 41), 42);
-    let message = observer.line();
+    let message = observer.line("\"vector\":12");
     for field in [
         "\"data\":41",
         "\"to\":\"h0\"",
@@ -95,7 +95,7 @@ fn the_host_hears_the_messages_to_a_hart() {
     // Its next program has another incarnation.
     up.load("h0", &["echo"]);
     assert_eq!(up.ask(0, 6), 7);
-    let message = observer.line();
+    let message = observer.line("\"vector\":12");
     assert!(message.contains("\"data\":6"), "{message}");
     up.end();
     assert!(observer.end().contains("the system has ended"));

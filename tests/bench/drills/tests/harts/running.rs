@@ -33,10 +33,13 @@ pub(crate) struct Observer {
 }
 
 impl Observer {
-    /// Returns the next line that it prints.
-    pub(crate) fn line(&mut self) -> String {
+    /// Returns the next line that has this text; the terminal service sends messages, too.
+    pub(crate) fn line(&mut self, text: &str) -> String {
         let mut line = String::new();
-        self.lines.read_line(&mut line).unwrap();
+        while !line.contains(text) {
+            line.clear();
+            assert!(self.lines.read_line(&mut line).unwrap() > 0, "no {text}");
+        }
         line
     }
 
