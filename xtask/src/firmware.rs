@@ -19,7 +19,8 @@ pub(crate) const COUNTED_TARGET: &str = CORTEX_M3;
 pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
 
 /// The images that harts run beside a host.
-pub(crate) const HART_IMAGES: [&str; 3] = ["monitor", "drills-hart", "rack-hart"];
+pub(crate) const HART_IMAGES: [&str; 4] =
+    ["monitor", "drills-hart", "experiment-hart", "rack-hart"];
 
 /// A machine of QEMU, and the programs of the firmware tests that run there.
 pub(crate) struct Machine {

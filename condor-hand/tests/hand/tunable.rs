@@ -152,7 +152,7 @@ fn ranges_are_as_near_to_the_description_as_is_safe() {
     );
     let [slow, fast] = range(JointNumber::VelocityCutoff);
     assert!(
-        slow >= 10.0 && slow < 100.0 && fast < 200.0,
+        (10.0..100.0).contains(&slow) && fast < 200.0,
         "{slow} to {fast}"
     );
     let [slack, most] = range(JointNumber::FlexorSlack);

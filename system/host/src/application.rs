@@ -44,7 +44,7 @@ pub trait Application: Sync {
     }
 
     /// Checks the robot's configuration in the file `robot`, which the system description names. `served` are the parts
-    /// of the robot that the description gives to a processor: the number of the processor, and the name of the part.
+    /// of the robot that the description allocates to a processor: the number of the processor, and the name of the part.
     /// The default refuses every file.
     ///
     /// # Errors

@@ -60,8 +60,8 @@ pub fn joint_names(hand: &RobotDescription) -> Vec<String> {
         .collect()
 }
 
-/// Reads the text of the robot's configuration in the file `path`, gives each finger in `served` to the processor of
-/// that number, and has `check` check that the boards can serve the robot.
+/// Reads the text of the robot's configuration in the file `path`, allocates each finger in `served` to the processor
+/// of that number, and has `check` check that the boards can serve the robot.
 ///
 /// # Errors
 /// Returns [`CompileError::Io`] if the file cannot be read; [`CompileError::Text`] if it has a mistake;
@@ -89,7 +89,7 @@ pub fn read_robot(
     Ok(robot)
 }
 
-/// Gives fingers to the processors that serve them. A processor that is new to the robot's configuration is like the
+/// Allocates fingers to the processors that serve them. A processor that is new to the robot's configuration is like the
 /// first one there that serves fingers; one that has lost all of its fingers leaves it.
 fn allocate(robot: &mut RobotDescription, served: &[(u8, &str)]) -> Result<(), String> {
     if served.is_empty() {
@@ -128,14 +128,14 @@ fn allocate(robot: &mut RobotDescription, served: &[(u8, &str)]) -> Result<(), S
             })?;
         }
     }
-    let serves = |number| {
+    let is_busy = |number| {
         robot
             .fingers
             .iter()
             .any(|finger| finger.processor() == Some(number))
     };
     let idle: Vec<_> = (robot.processors.iter())
-        .filter(|one| one.kind == ProcessorKind::Servo && !serves(one.number))
+        .filter(|one| one.kind == ProcessorKind::Servo && !is_busy(one.number))
         .map(|one| one.number)
         .collect();
     robot.processors.retain(|one| !idle.contains(&one.number));

@@ -1,6 +1,7 @@
 //! Bare-metal harts beside this machine: a whole system of them runs in QEMU.
 
 use std::env;
+use std::fs;
 
 use crate::Result;
 use crate::context::Context;
@@ -88,6 +89,10 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             ran += 1;
         }
     }
+    let [hart, process] = ["harts.toml", "condor.toml"].map(|it| samples(context, it));
+    if hart? != process? {
+        return Err("the experiment has other samples on a hart than as a process".into());
+    }
     let images = images.display();
     let exact =
         format!("target/debug/drills exact {images}/monitor {images}/drills-hart {EXACT_SECONDS}");
@@ -118,6 +123,20 @@ fn moved(context: &Context, robot: &str, description: &str) -> Result<Vec<String
         }
     })?;
     Ok(seen)
+}
+
+/// Returns the samples that the experiment writes.
+fn samples(context: &Context, description: &str) -> Result<Vec<u8>> {
+    const EXPERIMENT: &str = "examples/experiment";
+    let line = format!(
+        "target/debug/experiment up {EXPERIMENT}/{description} --speed max --headless --for 2s"
+    );
+    context.command(&line).run()?;
+    let response = context.root.join(EXPERIMENT).join("files/response");
+    let samples = fs::read(&response)?;
+    // Another run must not be believed to have written it.
+    fs::remove_file(response)?;
+    Ok(samples)
 }
 
 /// Returns true if a line has a finger, a joint, and two angles.

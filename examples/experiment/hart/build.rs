@@ -1,0 +1,5 @@
+//! Has the linker make an image that can lie anywhere.
+
+fn main() {
+    qemu_virt_image::link();
+}
