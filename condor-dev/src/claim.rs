@@ -1,6 +1,7 @@
 //! [`ClaimCell`]: a value that one context at a time can claim, without waiting.
 
 use core::cell::UnsafeCell;
+use core::marker::PhantomData;
 use core::ops::{Deref, DerefMut};
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -48,13 +49,29 @@ impl<T> ClaimCell<T> {
             free
         });
         // Made only if it is free: even one that is dropped at once releases the value.
-        free.then(|| ClaimGuard { claim: self })
+        free.then(|| ClaimGuard {
+            claim: self,
+            value: PhantomData,
+        })
     }
 }
 
 /// The claimed value of a [`ClaimCell`], used like a reference. Dropping it ends the claim.
+///
+/// ```compile_fail,E0277
+/// use core::cell::Cell;
+/// use condor_dev::ClaimCell;
+///
+/// static COUNT: ClaimCell<Cell<u32>> = ClaimCell::new(Cell::new(1));
+///
+/// let first = COUNT.claim().unwrap();
+/// // Two threads would use the `Cell` at the same time.
+/// std::thread::scope(|scope| scope.spawn(|| first.set(2)).join().unwrap());
+/// ```
 pub struct ClaimGuard<'c, T> {
     claim: &'c ClaimCell<T>,
+    /// Shared with another context only if `T` may be.
+    value: PhantomData<&'c mut T>,
 }
 
 impl<T> Deref for ClaimGuard<'_, T> {

@@ -385,7 +385,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             // Every slot may have been overrun.
             for _ in 0..=SLOTS {
                 match self.hear_alone(holder, sender, progress)? {
-                    Look::Heard(entry) => return Ok(Some((sender.present(), entry))),
+                    Look::Heard(entry) => {
+                        let is_there = sender.present() == from;
+                        return Ok(Some((if is_there { from } else { 0 }, entry)));
+                    }
                     Look::Overrun => {}
                     Look::Nothing => break,
                 }

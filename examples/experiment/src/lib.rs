@@ -97,7 +97,7 @@ impl Program for Experiment {
     }
 }
 
-/// Reads the stimulus from lines of a time in ms and a duty in percent, at most 10 s in all, and returns its number of
+/// Reads the stimulus from lines of a duration in ms and a duty in percent, at most 10 s in all, and returns its number of
 /// samples.
 fn read<M: Machine>(background: &Background<'_, M>, to: &Stimulus) -> Result<u32, ProgramError> {
     let files = background.files()?;

@@ -4,10 +4,12 @@ use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// The time that a system may take to come up, on a machine that has much else to do.
 const PATIENCE: Duration = Duration::from_secs(120);
+const LOOK: Duration = Duration::from_millis(10);
 const LINES: usize = 120;
 
 fn condor(place: &Path, arguments: &[&str]) -> Command {
@@ -85,15 +87,15 @@ fn a_recording_has_the_response() {
     let up = Up(up.unwrap());
     let begun = Instant::now();
     let mut recorder = loop {
-        let record = ["record", "run.mcap", "--for", "3s"];
-        let mut recorder = condor(place.path(), &record);
+        let mut recorder = condor(place.path(), &["record", "run.mcap"]);
         let mut recorder = recorder.stdout(Stdio::null()).spawn().unwrap();
         // The file is there when the recording has begun.
         while !place.path().join("run.mcap").exists() && recorder.try_wait().unwrap().is_none() {
             assert!(begun.elapsed() < PATIENCE);
+            thread::sleep(LOOK);
         }
         if recorder.try_wait().unwrap().is_none() {
-            break recorder;
+            break Up(recorder);
         }
         assert!(begun.elapsed() < PATIENCE);
     };
@@ -101,7 +103,14 @@ fn a_recording_has_the_response() {
     let typed = typed.stdin(Stdio::piped()).stdout(Stdio::null()).spawn();
     let mut typed = Up(typed.unwrap());
     typed.0.stdin.take().unwrap().write_all(b"go\n").unwrap();
-    assert!(recorder.wait().unwrap().success());
+    while !place.path().join("files/response").exists() {
+        assert!(begun.elapsed() < PATIENCE);
+        thread::sleep(LOOK);
+    }
+    let pid = recorder.0.id().to_string();
+    let interrupted = Command::new("kill").args(["-INT", &pid]).status();
+    assert!(interrupted.unwrap().success());
+    assert!(recorder.0.wait().unwrap().success());
     let export = ["export", "run.mcap", "--csv", "run.csv"];
     let exported = condor(place.path(), &export).output().unwrap();
     assert!(exported.status.success(), "{}", text(&exported));

@@ -72,7 +72,7 @@ enum Command {
     Ui(ui::Ui),
     /// Shows the state of processors and services
     Ps(commands::Ps),
-    /// Shows servo loops: rates, run times, lateness, overruns; Ctrl-C ends it
+    /// Shows servo loops: rates, run times, lateness; Ctrl-C ends it
     ///
     /// Percentiles are since a loop began. They are at most half longer than the exact ones. Loops that take longer than
     /// the description declares in `servo_loops` are named.

@@ -82,10 +82,9 @@ pub enum ProgramError {
         /// The name of the refused handler.
         name: ShortText<32>,
     },
-    /// A variable or parameter was added after the last loop. It belongs to no loop, so nothing
-    /// shows it.
+    /// A variable or parameter, or the bounds of a rate (`hz`), was added after the last loop, and belongs to none.
     #[error(
-        "the variable or parameter `{name}` belongs to no servo loop, so nobody can see it: call `servo` after `watch` and `tune`"
+        "the variable or parameter `{name}` belongs to no servo loop, so nobody can see it: call `servo` after `watch`, `tune`, `rates` and `fixed`"
     )]
     LeftOver {
         /// The name of the variable or parameter.

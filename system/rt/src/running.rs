@@ -289,13 +289,15 @@ impl<'b, M: Machine> Background<'b, M> {
     pub(crate) fn follow_rates(&self, loops: &dyn Loops<Instant = u64>) {
         for (id, rate, last) in self.rates {
             let hz = rate.wanted();
-            if last.replace(hz).to_bits() == hz.to_bits() {
+            let former = last.replace(hz);
+            if former.to_bits() == hz.to_bits() {
                 continue;
             }
-            // Bounds keep out every rate that has no schedule.
-            let _ = match rate_of(hz) {
-                Some(rate) => (loops.set_rate(*id, rate)).and_then(|()| loops.enable(*id)),
-                None => loops.disable(*id),
+            // Bounds keep out every rate that has no schedule. A loop that rests for another reason goes on resting.
+            let _ = match (rate_of(former), rate_of(hz)) {
+                (_, None) => loops.disable(*id),
+                (Some(_), Some(rate)) => loops.set_rate(*id, rate),
+                (None, Some(rate)) => (loops.set_rate(*id, rate)).and_then(|()| loops.enable(*id)),
             };
         }
     }

@@ -377,6 +377,15 @@ impl<'e, M: Machine> Setup<'e, M> {
             self.wrong
                 .get_or_insert(ProgramError::Twice { what: "listener" });
         }
+        let problem = if number == self.machine.number() {
+            mbox::MailboxError::ListensToItself { number }
+        } else if number.index() >= PROCESSORS {
+            let processors = PROCESSORS as u8;
+            mbox::MailboxError::NoSuchProcessor { number, processors }
+        } else {
+            return self;
+        };
+        self.wrong.get_or_insert(problem.into());
         self
     }
 
@@ -508,6 +517,11 @@ impl<'e, M: Machine> Setup<'e, M> {
     ) -> Result<R, ProgramError> {
         if let Some(wrong) = self.wrong.take() {
             return Err(wrong);
+        }
+        if !matches!(self.bounds, RateBounds::Slower) {
+            return Err(ProgramError::LeftOver {
+                name: ShortText::of(&"hz"),
+            });
         }
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports()?;

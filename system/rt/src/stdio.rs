@@ -87,8 +87,9 @@ impl<'b, M: Machine> Background<'b, M> {
         let mut stdio = Stdio {
             background: self,
             files: None,
+            // Without a terminal, no other descriptor may be taken for one of its three.
             entries: core::array::from_fn(|_| Entry {
-                generation: 0,
+                generation: u16::from(self.console.is_none()),
                 open: None,
             }),
         };

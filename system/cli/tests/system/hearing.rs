@@ -239,7 +239,9 @@ fn a_run_in_simulated_time_is_the_same_with_an_observer() {
     signal(child.id(), Signal::CONT);
     let observed = outcome(&up);
     assert_eq!(
-        lines.last().map(|it| it.unwrap().contains("missed")),
+        lines
+            .last()
+            .map(|it| it.unwrap().contains("\"processors\"")),
         Some(true)
     );
     assert!(child.wait().unwrap().success());

@@ -22,7 +22,7 @@ fn what_was_saved_is_loaded_again() {
     let up = start(&[]);
     let saved = file(&up, "saved.toml");
     let told = text(&up, &["vars", "save", &saved]);
-    assert_eq!(told, format!("{saved}: 6 parameters are saved\n"));
+    assert_eq!(told, format!("{saved}: 8 parameters are saved\n"));
     let written = up.file("saved.toml");
     for line in [
         "[\"a:servo\"]",
@@ -37,14 +37,14 @@ fn what_was_saved_is_loaded_again() {
     text(&up, &["vars", "set", "b:joint.stiffness", "1.25"]);
     text(&up, &["vars", "set", "a:mode", "hold"]);
     let loaded = answer(&up, &["vars", "load", &saved]);
-    assert_eq!(loaded["parameters"], 6);
+    assert_eq!(loaded["parameters"], 8);
     let changed = json!([
         {"processor": "a", "loop": "servo", "name": "mode", "before": "hold", "value": "idle"},
         {"processor": "b", "loop": "servo", "name": "joint.stiffness", "before": 1.25, "value": 2.0},
     ]);
     assert_eq!(loaded["changed"], changed);
     let told = text(&up, &["vars", "load", &saved]);
-    let expected = format!("{saved}: 6 parameters, of which 0 were set\n");
+    let expected = format!("{saved}: 8 parameters, of which 0 were set\n");
     assert_eq!(told, expected);
 }
 
@@ -111,7 +111,7 @@ fn parameters_are_compared_with_what_they_began_with_and_with_a_file() {
             .output();
         code_and_text(&output.unwrap())
     };
-    let none = "6 parameters are compared; none differs\n".to_owned();
+    let none = "8 parameters are compared; none differs\n".to_owned();
     assert_eq!(diff(&[]), (Some(0), none.clone()));
     text(&up, &["vars", "set", "b:joint.stiffness", "1.25"]);
     let (code, table) = diff(&[]);
@@ -121,7 +121,7 @@ fn parameters_are_compared_with_what_they_began_with_and_with_a_file() {
     assert_eq!(words, expected, "{table}");
     let (code, json) = diff(&["--json"]);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!((code, &json["compared"]), (Some(1), &json!(6)));
+    assert_eq!((code, &json["compared"]), (Some(1), &json!(8)));
     let difference = json!([{
         "processor": "b", "loop": "servo", "name": "joint.stiffness", "unit": "N m/rad",
         "described": 2.0, "present": 1.25

@@ -165,16 +165,22 @@ impl<'d> Orders<'d> {
         }
         let beside = beside(self.file, word);
         let found = [Some(beside), find_program(self.file, word).ok()];
-        let mut processors = self.processors.iter();
-        processors.find_map(|processor| match &processor.program {
-            ProgramEntry::File(path)
-                if path.file_name().is_some_and(|name| name == word)
-                    || found.iter().flatten().any(|it| it == path) =>
-            {
-                Some(path.to_str()?.to_owned())
+        let files = self.processors.iter().filter_map(|it| match &it.program {
+            ProgramEntry::File(path) => Some(path),
+            ProgramEntry::Own => None,
+        });
+        let mut exact = files.clone();
+        let exact = exact.find(|path| found.iter().flatten().any(|it| it == *path));
+        let mut alike = files.filter(|path| path.file_name().is_some_and(|name| name == word));
+        let path = match exact {
+            Some(path) => path,
+            // A name that two programs have says neither.
+            None => {
+                let first = alike.next()?;
+                alike.all(|other| other == first).then_some(first)?
             }
-            _ => None,
-        })
+        };
+        Some(path.to_str()?.to_owned())
     }
 
     /// Returns a request that has not begun, and notes that it begins.

@@ -146,7 +146,10 @@ fn hear(
                 Err(error @ (MailboxError::Layout { .. } | MailboxError::Window { .. })) => {
                     return Err(error);
                 }
-                Err(_) if has_told => continue,
+                Err(_) if has_told => {
+                    post.serve(LOOK)?;
+                    continue;
+                }
                 Err(error) => {
                     has_told = true;
                     HearingEvent::Waits(addressee, error)

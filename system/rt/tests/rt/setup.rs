@@ -494,6 +494,10 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
         }),
         format!("`one of many` is one too many: a program has at most {HANDLERS} handlers")
     );
+    let itself = error(WINDOW_BYTES, |machine| {
+        Setup::new(machine)?.listen(SERVO, &|_| ()).run()
+    });
+    assert!(itself.contains("its own number"), "{itself}");
     let (spare, soft) = (
         Var::<u32>::new("spare", ""),
         Param::new("soft", "", 1.5, 0.0..=1.0),
@@ -505,7 +509,15 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
             setup.servo("servo", Rate::hz(1), &mut body);
             setup.watch(&spare).run()
         }),
-        "the variable or parameter `spare` belongs to no servo loop, so nobody can see it: call `servo` after `watch` and `tune`"
+        "the variable or parameter `spare` belongs to no servo loop, so nobody can see it: call `servo` after `watch`, `tune`, `rates` and `fixed`"
+    );
+    assert_eq!(
+        error(WINDOW_BYTES, |machine| {
+            let mut body = |_: &mut condor_rt::LoopTick<'_>| ();
+            let mut setup = Setup::new(machine)?;
+            setup.servo("servo", Rate::hz(1), &mut body).fixed().run()
+        }),
+        "the variable or parameter `hz` belongs to no servo loop, so nobody can see it: call `servo` after `watch`, `tune`, `rates` and `fixed`"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {

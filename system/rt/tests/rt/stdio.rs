@@ -280,9 +280,11 @@ fn lines_of_the_terminal_are_read_with_a_deadline() {
 
 #[test]
 fn a_program_without_terminal_has_no_standard_descriptors() {
+    let root = tempfile::tempdir().unwrap();
     let mut system = sim::VirtualSystem::new(WINDOW_BYTES).unwrap();
+    system.files(root.path()).unwrap();
     let program = |machine: &Sim| {
-        Setup::new(machine)?.background(|background| {
+        Setup::new(machine)?.files()?.background(|background| {
             let mut stdio = background.stdio();
             for descriptor in [STDIN, STDOUT, STDERR] {
                 let error = stdio.flush(descriptor).unwrap_err();
@@ -291,11 +293,17 @@ fn a_program_without_terminal_has_no_standard_descriptors() {
                     "{error}"
                 );
             }
+            let files = background.files()?;
+            let mut stdio = background.stdio().with_files(&files);
+            let options = OpenOptions::new().write().create();
+            let file = stdio.open_file("first", options, Buffering::None)?;
+            assert!(![STDIN, STDOUT, STDERR].contains(&file));
+            assert!(stdio.flush(STDOUT).is_err());
             Ok(())
         })
     };
     system.host(ME, program).unwrap();
-    system.run_until(1_000_000).unwrap();
+    system.run_until(60_000_000_000).unwrap();
 }
 
 device_switch! { struct Ports { serial: Uart16550 = [SERIAL] } }

@@ -1,5 +1,6 @@
 //! `condor vars diff`.
 
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -73,7 +74,12 @@ impl Diff {
     pub(super) fn run(&self, application: &dyn Application) -> Result<ExitCode, AnyError> {
         match self.compare(application) {
             // The reader of the output has seen enough of it.
-            Err(error) if error.is::<std::io::Error>() => Err(error),
+            Err(error)
+                if (error.downcast_ref::<io::Error>())
+                    .is_some_and(|error| error.kind() == ErrorKind::BrokenPipe) =>
+            {
+                Err(error)
+            }
             Err(error) => {
                 // Names that programs have chosen may be in it.
                 tell(plain_lines(&error.to_string()));

@@ -62,8 +62,8 @@ fn what_cannot_be_laid_out_is_said() {
         Err(MemoryMapError::Harts { found: 0 })
     );
     assert_eq!(
-        Map::new(MEMORY, &[0; 9], 65536, 0, 0),
-        Err(MemoryMapError::Harts { found: 9 })
+        Map::new(MEMORY, &[0; 13], 65536, 0, 0),
+        Err(MemoryMapError::Harts { found: 13 })
     );
     assert_eq!(
         Map::new(MEMORY, &[0, 32], 65536, 0, 0),
