@@ -12,9 +12,8 @@ use condor_dev::sim::{I2c, SimJoint};
 use condor_dev::{I2cBus, Location, NoInterrupts, OpenMode, Switch, device_switch};
 use condor_fs::Buffer;
 use condor_rt::objects::ObjectKind;
-use condor_rt::{
-    Background, Buffering, Machine, OpenOptions, Program, ProgramError, Rate, STDIN, Setup, Var,
-};
+use condor_rt::{Background, Buffering, Machine, OpenOptions, Program, ProgramError, Rate, STDIN};
+use condor_rt::{Setup, Var};
 
 const HZ: u16 = 1000;
 /// The most samples, and the bytes of each: the duty of the motor in percent, and the angle in steps of the sensor.
@@ -111,8 +110,9 @@ fn read<M: Machine>(background: &Background<'_, M>, to: &Stimulus) -> Result<u32
         let step = step.and_then(|(time, duty)| Some((time.parse().ok()?, duty.parse().ok()?)));
         let step = step.filter(|(time, duty)| free.len() >= *time && (-100..=100).contains(duty));
         let Some((time, duty)) = step else {
-            let told = format_args!("stimulus: {} is not `TIME_MS PERCENT`", text.trim());
-            return Err(ProgramError::program(&told));
+            return Err(ProgramError::program(&format_args!(
+                "stimulus: {text:?} is not MS PERCENT"
+            )));
         };
         for sample in free.by_ref().take(time) {
             sample.store(duty, Relaxed);
