@@ -102,22 +102,22 @@ fn read<M: Machine>(background: &Background<'_, M>, to: &Stimulus) -> Result<u32
     let files = background.files()?;
     let mut stdio = background.stdio().with_files(&files);
     let file = stdio.open_file("stimulus", OpenOptions::new().read(), Buffering::None)?;
-    let (mut line, mut free, mut number) = ([0; 32], to.iter(), 0);
+    let (mut line, mut free) = ([0; 32], to.iter());
     while let Some(text) = stdio.read_line(file, &mut line, LOOK)?
         && !text.is_empty()
     {
-        let step = text.trim().split_once(' ');
+        let text = text.trim();
+        let step = text.split_once(' ');
         let step = step.and_then(|(time, duty)| Some((time.parse().ok()?, duty.parse().ok()?)));
         let step = step.filter(|(time, duty)| free.len() >= *time && (-100..=100).contains(duty));
         let Some((time, duty)) = step else {
             return Err(ProgramError::program(&format_args!(
-                "stimulus: {text:?} is not MS PERCENT"
+                "stimulus: {text} is not MS PERCENT"
             )));
         };
         for sample in free.by_ref().take(time) {
             sample.store(duty, Relaxed);
-            number += 1;
         }
     }
-    Ok(number)
+    Ok(to.len().saturating_sub(free.len()) as u32)
 }

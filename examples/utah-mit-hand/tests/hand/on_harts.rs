@@ -3,18 +3,16 @@
 use crate::up::Up;
 
 /// A session: each line that is typed, and the text that it brings.
-const SESSION: [(&str, &str); 12] = [
-    ("enable", "enable: done\n"),
+const SESSION: [(&str, &str); 10] = [
+    ("enable", "enabled, holding position\n"),
     ("run grasp", "grasp is done\n"),
-    ("ball", "ball: done\n"),
-    ("grasp 150", "grasp: done\n"),
-    ("status", "index  grasps"),
-    ("letgo", "letgo: done\n"),
-    ("release", "release: done\n"),
-    ("enable", "enable: done\n"),
-    ("impedance ring 0.05", "impedance: done\n"),
+    ("ball", "until `letgo`"),
+    ("grasp 150", "closing on the ball"),
+    ("letgo 1", "the support"),
+    ("release", "the grasp has ended"),
+    ("impedance ring 0.05", "ring"),
     ("status", "ring   impedance"),
-    ("enable", "enable: done\n"),
+    ("enable", "enabled, holding position\n"),
     ("status", "ring   follows"),
 ];
 
@@ -40,7 +38,7 @@ fn c_the_master_restarts_and_loads_programs() {
     up.types("load 2 rack-hart servo");
     up.expect("load 2: done\n");
     up.types("restart servo-a");
-    up.expect("restart servo-a: done\n");
+    up.expect("`enable` makes index and middle hold again\n");
     up.types("enable");
     up.types("run open");
     up.expect("open is done\n");
