@@ -15,14 +15,15 @@ pub trait Descriptors {
     /// Reads as [`Switch::read`] does.
     ///
     /// # Errors
-    /// [`IoError::WouldBlock`] if there is nothing to read; otherwise the [`IoError`] of the descriptor, the device or
-    /// the bus.
+    /// [`IoError::WouldBlock`] if there is nothing to read now; another [`IoError`] if the switch refuses the descriptor,
+    /// or the device or the bus fails.
     fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<BusErrorKind>>;
 
     /// Writes as [`Switch::write`] does.
     ///
     /// # Errors
-    /// [`IoError::WouldBlock`] if there is no room; otherwise the [`IoError`] of the descriptor, the device or the bus.
+    /// [`IoError::WouldBlock`] if there is no room now; another [`IoError`] if the switch refuses the descriptor, or the
+    /// device or the bus fails.
     fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<BusErrorKind>>;
 
     /// Returns true if all bytes that were written have left the device, as [`Switch::is_flushed`] does.

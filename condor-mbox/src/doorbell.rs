@@ -71,7 +71,8 @@ pub trait Doorbell: Clock {
     /// Returns true if a sender waits for `listener` while it [listens](crate::Mailbox::listen) and has not taken
     /// earlier messages.
     ///
-    /// Return false where a program must run alike however fast `listener` is: the listener then misses messages.
+    /// Return false if a run must not depend on how fast `listener` is, such as in simulated time: a slow listener then
+    /// misses messages.
     fn waits_for_listener(&self, listener: Processor) -> bool {
         let _ = listener;
         true

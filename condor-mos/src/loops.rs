@@ -124,8 +124,8 @@ pub trait Loops: Runner + Sync {
     /// body.
     fn disable(&self, id: LoopId) -> Result<(), LoopError>;
 
-    /// Sets another rate for a loop, while all loops run on. The loop is due once more at the instant at which
-    /// it was due anyway, and then at the new rate. Priorities follow the rates.
+    /// Sets another rate for a loop, while all loops run on. The next release of the loop keeps its instant, and the
+    /// new rate counts from there. Priorities follow the rates.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Rate`] if the new rates

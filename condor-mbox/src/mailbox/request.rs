@@ -213,7 +213,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
         let begun = self.doorbell.now();
         let deadline = begun.after(timeout);
-        // One that falls behind, on purpose or not, must not keep a call from its reply.
+        // A listener that is slow, or hostile, must not use up the time in which a call waits for its reply.
         let leave_behind_at = begun.after(LISTENERS.min(timeout / 2));
         if matches!(refusal, Refusal::Listeners) {
             self.leave_dead_behind(peer);

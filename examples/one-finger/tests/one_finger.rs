@@ -35,6 +35,18 @@ fn package(place: &Path) {
 /// A system that is up, and does not outlive its test.
 struct Up(Child);
 
+impl Up {
+    /// Brings up the copied package in a directory of its own, which it returns, too.
+    fn start() -> (tempfile::TempDir, Self) {
+        let place = tempfile::tempdir().unwrap();
+        package(place.path());
+        let system = place.path().join("system.toml").display().to_string();
+        let up = ["up", &system, "--headless", "--for", "10m"];
+        let up = condor(place.path(), &up).stdout(Stdio::null()).spawn();
+        (place, Self(up.unwrap()))
+    }
+}
+
 impl Drop for Up {
     fn drop(&mut self) {
         // One that has ended is not there any more.
@@ -66,12 +78,7 @@ fn it_moves_alike_in_each_run() {
 
 #[test]
 fn its_variables_are_recorded_and_its_queue_takes_motions() {
-    let place = tempfile::tempdir().unwrap();
-    package(place.path());
-    let system = place.path().join("system.toml").display().to_string();
-    let up = ["up", &system, "--headless", "--for", "10m"];
-    let up = condor(place.path(), &up).stdout(Stdio::null()).spawn();
-    let up = Up(up.unwrap());
+    let (place, up) = Up::start();
     let file = place.path().join("run.mcap").display().to_string();
     let begun = Instant::now();
     loop {
@@ -112,12 +119,7 @@ fn its_variables_are_recorded_and_its_queue_takes_motions() {
 
 #[test]
 fn a_threshold_that_is_lowered_makes_its_fault_and_is_found_in_the_description() {
-    let place = tempfile::tempdir().unwrap();
-    package(place.path());
-    let system = place.path().join("system.toml").display().to_string();
-    let up = ["up", &system, "--headless", "--for", "10m"];
-    let up = condor(place.path(), &up).stdout(Stdio::null()).spawn();
-    let up = Up(up.unwrap());
+    let (place, up) = Up::start();
     let begun = Instant::now();
     let until = |arguments: &[&str], is_there: &dyn Fn(&Output) -> bool| loop {
         let output = condor(place.path(), arguments).output().unwrap();

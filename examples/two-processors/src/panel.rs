@@ -49,7 +49,10 @@ impl Panel {
                     let _ = write!(answer, "{at} -> {angle}\r\n");
                     return Some(angle);
                 }
-                Err(_) => write!(answer, "{typed} is no angle in mrad, such as 300\r\n"),
+                Err(_) => write!(
+                    answer,
+                    "{typed} is not an angle: type mrad, such as 300\r\n"
+                ),
             };
         }
     }

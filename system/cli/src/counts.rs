@@ -221,7 +221,8 @@ pub(crate) fn table_of_percentiles(rows: &[Row<LoopRates>]) -> String {
     }
 }
 
-/// Says where loops do otherwise than the description declares.
+/// Returns a line for each loop that runs faster or takes longer than `servo_loops` of its processor declares, and for
+/// each declared loop that its program does not have.
 pub(crate) fn beyond_declared(
     rows: &[Row<LoopRates>],
     processors: &[ProcessorEntry],

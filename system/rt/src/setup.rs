@@ -432,7 +432,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     }
 
     /// Has the servo loop that is added next keep its rate: it has no parameter by which others could set it. A loop
-    /// needs this if it computes with the period that it had at the beginning, or if its rest would let a robot fall.
+    /// needs this if it computes with the period that it had at the beginning, or if a robot would fall while it rests.
     pub const fn fixed(&mut self) -> &mut Self {
         self.bounds = RateBounds::Fixed;
         self
@@ -515,14 +515,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         &mut self,
         background: impl FnOnce(&Background<'_, M>) -> R,
     ) -> Result<R, ProgramError> {
-        if let Some(wrong) = self.wrong.take() {
-            return Err(wrong);
-        }
-        if !matches!(self.bounds, RateBounds::Slower) {
-            return Err(ProgramError::LeftOver {
-                name: ShortText::of(&"hz"),
-            });
-        }
+        self.check()?;
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports()?;
         let watched: Vec<&dyn Watch, VARIABLES> = fitting(self.watched.iter().copied());
@@ -625,6 +618,16 @@ impl<'e, M: Machine> Setup<'e, M> {
             })?
         };
         with_boards(machine, self.interrupts, run)
+    }
+
+    /// Returns the first mistake with what was added.
+    fn check(&mut self) -> Result<(), ProgramError> {
+        let name = ShortText::of(&"hz");
+        match self.wrong.take() {
+            Some(wrong) => Err(wrong),
+            None if matches!(self.bounds, RateBounds::Slower) => Ok(()),
+            None => Err(ProgramError::LeftOver { name }),
+        }
     }
 
     /// Makes the parameters by which others set the rates of loops.

@@ -71,7 +71,7 @@ impl fmt::Display for ValueKind {
 /// assert_eq!(angle.to_string(), "0.5");
 /// assert_eq!(ValueKind::F32.words_of(angle), Some([0.5_f32.to_bits(), 0]));
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub enum AnyValue {
     /// A value of [`ValueKind::F32`].
     F32(f32),

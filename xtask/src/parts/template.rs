@@ -270,7 +270,9 @@ impl Panel {
     fn moves(&mut self) -> Result<()> {
         self.0.write_all(b"what\r\n250\r\n")?;
         let (mut answer, begun) = (String::new(), Instant::now());
-        while !(answer.contains("what is no angle in mrad") && answer.ends_with(" -> 250\r\n")) {
+        while !(answer.contains("what is not an angle: type mrad")
+            && answer.ends_with(" -> 250\r\n"))
+        {
             let mut bytes = [0; 64];
             // Without anything to read, this is an error.
             let read = self.0.read(&mut bytes).unwrap_or(0);

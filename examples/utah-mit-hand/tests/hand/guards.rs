@@ -221,11 +221,7 @@ fn is_continuous(seen: &Seen) {
 #[test]
 fn in_the_shipped_motion_each_finger_stops_when_it_feels_the_ball() {
     run(|typist| {
-        typist.begin();
-        typist.types("enable");
-        typist.wait(1.0);
-        typist.runs("open");
-        typist.runs("grasp");
+        typist.reaches_for_a_ball();
         typist.does("ball");
         assert_eq!(typist.truth().touching, 0);
         typist.runs("touch");

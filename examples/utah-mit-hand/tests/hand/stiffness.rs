@@ -108,11 +108,7 @@ fn ordered(name: &str) -> Matrix6<f64> {
 
 /// Has the hand hold a ball at a place by a grasp.
 fn hold(typist: &mut Typist<'_>, ball: &str, grasp: &str) {
-    typist.begin();
-    typist.does("enable");
-    typist.wait(1.0);
-    typist.runs("open");
-    typist.runs("grasp");
+    typist.reaches_for_a_ball();
     typist.does(ball);
     typist.wait(0.2);
     typist.does(grasp);
@@ -138,11 +134,7 @@ fn the_whole_stiffness_of_a_ball_is_the_one_in_the_file() {
 #[test]
 fn a_ball_is_held_where_it_is_seen() {
     run(|typist| {
-        typist.begin();
-        typist.types("enable");
-        typist.wait(1.0);
-        typist.runs("open");
-        typist.runs("grasp");
+        typist.reaches_for_a_ball();
         let place = [0.118, -0.003, -0.0585];
         typist.does("ball 0.016 0.05 0.118 -0.003 -0.0585");
         let status = typist.says("status");

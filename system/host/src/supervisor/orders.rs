@@ -172,15 +172,12 @@ impl<'d> Orders<'d> {
         let mut exact = files.clone();
         let exact = exact.find(|path| found.iter().flatten().any(|it| it == *path));
         let mut alike = files.filter(|path| path.file_name().is_some_and(|name| name == word));
-        let path = match exact {
-            Some(path) => path,
-            // A name that two programs have says neither.
-            None => {
-                let first = alike.next()?;
-                alike.all(|other| other == first).then_some(first)?
-            }
+        // A name that two programs have says neither.
+        let alike = || {
+            let first = alike.next()?;
+            alike.all(|other| other == first).then_some(first)
         };
-        Some(path.to_str()?.to_owned())
+        Some(exact.or_else(alike)?.to_str()?.to_owned())
     }
 
     /// Returns a request that has not begun, and notes that it begins.

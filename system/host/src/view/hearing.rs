@@ -57,9 +57,10 @@ pub enum HearingEvent {
 /// Visitors of a running system that hear the messages to some processors: one visitor for each. The processors take
 /// the messages, too, and answer them. Hearing goes on after a processor was restarted.
 ///
-/// By the real clock, a sender that waits for its message to be taken also waits for this host, for 100 ms and half of
-/// its timeout at most, and no more until this host has caught up; a sender that does not wait, such as a servo loop, never does. In simulated time nobody waits.
-/// Messages that come too fast for this host are missed, and counted.
+/// By the real clock, a sender that waits for its message to be taken also waits for this host: for 100 ms or half of
+/// its timeout, the shorter of both, and then not again until this host has caught up. A sender that does not wait,
+/// such as a servo loop, never waits for it. In simulated time nobody does. Messages that come too fast for this host
+/// are missed, and counted.
 pub struct Hearing {
     events: Receiver<HearingEvent>,
     is_over: Arc<AtomicBool>,

@@ -433,6 +433,15 @@ impl Typist<'_> {
         self.shown.clear();
     }
 
+    /// Enables the hand, and brings the fingers around the place of a ball.
+    pub(crate) fn reaches_for_a_ball(&mut self) {
+        self.begin();
+        self.does("enable");
+        self.wait(1.0);
+        self.runs("open");
+        self.runs("grasp");
+    }
+
     /// Runs a motion to its end; gives the largest error of tracking, degrees.
     pub(crate) fn runs(&mut self, name: &str) -> f64 {
         self.shown.clear();

@@ -14,7 +14,7 @@ use crate::bell::HartBell;
 use crate::boards::{self, HartInterrupts};
 use crate::machine::{CLINT, EXTERNAL, LINE, MTIME, RAM, SOFTWARE};
 use crate::memory::{LEAST_BYTES, memory};
-use crate::msip::{self, HARTS};
+use crate::msip::{self, HARTS, of_harts};
 use crate::{hooks, serial, trap};
 
 const fn timer(hart: u16) -> Clint {
@@ -22,20 +22,7 @@ const fn timer(hart: u16) -> Clint {
     unsafe { Clint::new(CLINT, hart, MTIME) }.interrupted_also_by(SOFTWARE | EXTERNAL | LINE)
 }
 
-static TIMERS: [Clint; HARTS] = [
-    timer(0),
-    timer(1),
-    timer(2),
-    timer(3),
-    timer(4),
-    timer(5),
-    timer(6),
-    timer(7),
-    timer(8),
-    timer(9),
-    timer(10),
-    timer(11),
-];
+static TIMERS: [Clint; HARTS] = of_harts!(timer);
 
 /// The timer of a hart.
 pub(crate) fn clint(hart: usize) -> Option<&'static Clint> {

@@ -7,7 +7,7 @@ use critical_section::CriticalSection;
 use riscv::register::mhartid;
 
 use crate::boards::HartLines;
-use crate::msip::{HARTS, MSIPS, Msip};
+use crate::msip::{HARTS, MSIPS, Msip, of_harts};
 
 /// A handler that is there for as long as a program runs.
 type Hook = &'static dyn Fn();
@@ -32,9 +32,9 @@ pub(crate) struct Hooks {
 }
 
 impl Hooks {
-    const fn new(bell: &'static Msip) -> Self {
+    const fn new(hart: usize) -> Self {
         Self {
-            bell,
+            bell: &MSIPS[hart],
             timer: Cell::new(None),
             mail: Cell::new(None),
             boards: Cell::new(None),
@@ -62,20 +62,7 @@ struct OfHarts([Hooks; HARTS]);
 // SAFETY: each hart uses its own entry alone, with interrupts masked.
 unsafe impl Sync for OfHarts {}
 
-static HOOKS: OfHarts = OfHarts([
-    Hooks::new(&MSIPS[0]),
-    Hooks::new(&MSIPS[1]),
-    Hooks::new(&MSIPS[2]),
-    Hooks::new(&MSIPS[3]),
-    Hooks::new(&MSIPS[4]),
-    Hooks::new(&MSIPS[5]),
-    Hooks::new(&MSIPS[6]),
-    Hooks::new(&MSIPS[7]),
-    Hooks::new(&MSIPS[8]),
-    Hooks::new(&MSIPS[9]),
-    Hooks::new(&MSIPS[10]),
-    Hooks::new(&MSIPS[11]),
-]);
+static HOOKS: OfHarts = OfHarts(of_harts!(Hooks::new));
 
 /// Those of this hart, to be used while interrupts are masked.
 pub(crate) fn of_this(_: CriticalSection<'_>) -> Option<&'static Hooks> {

@@ -1,5 +1,7 @@
 //! [`Msip`]: the software interrupts, by which harts ring each other.
 
+use core::convert::identity;
+
 use condor_mbox::riscv::MsipDoorbell;
 use condor_mbox::{Doorbell as _, Processor};
 use qemu_virt_host::{Map, map};
@@ -11,8 +13,26 @@ use crate::memory::{LEAST_BYTES, memory};
 /// As many as a machine has.
 pub(crate) const HARTS: usize = map::HARTS as usize;
 
-/// The harts, by their numbers.
-const NUMBERS: [u16; HARTS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+/// An array with what a `const fn` makes of the number of each hart.
+macro_rules! of_harts {
+    ($make:path) => {
+        [
+            $make(0),
+            $make(1),
+            $make(2),
+            $make(3),
+            $make(4),
+            $make(5),
+            $make(6),
+            $make(7),
+            $make(8),
+            $make(9),
+            $make(10),
+            $make(11),
+        ]
+    };
+}
+pub(crate) use of_harts;
 
 /// The doorbell of a hart among harts, by the numbers of harts.
 pub(crate) type Msip = MsipDoorbell<HARTS>;
@@ -20,27 +40,14 @@ pub(crate) type Msip = MsipDoorbell<HARTS>;
 const fn msip(hart: u8) -> Msip {
     // SAFETY: the machine has a CLINT there, with registers for more harts than these; they stay in
     // machine mode, and protect nothing but their stacks. Each uses its own doorbell.
-    let bell = unsafe { Msip::new(CLINT, Processor(hart), NUMBERS, MTIME_HZ) };
+    let bell = unsafe { Msip::new(CLINT, Processor(hart), of_harts!(identity), MTIME_HZ) };
     match bell {
         Some(bell) => bell,
         None => panic!("there are as many harts"),
     }
 }
 
-pub(crate) static MSIPS: [Msip; HARTS] = [
-    msip(0),
-    msip(1),
-    msip(2),
-    msip(3),
-    msip(4),
-    msip(5),
-    msip(6),
-    msip(7),
-    msip(8),
-    msip(9),
-    msip(10),
-    msip(11),
-];
+pub(crate) static MSIPS: [Msip; HARTS] = of_harts!(msip);
 
 /// Rings the hart that is this processor, if one is.
 pub(crate) fn ring_processor(number: u8) {

@@ -96,36 +96,28 @@ impl Diff {
         let known = VariableCatalog::all(&view, &running.status.processors)?;
         known.tell_troubles();
         let mut clients = Clients::new(&view);
-        let mut all = Vec::new();
-        let mut add = |one, described: Option<AnyValue>, line| {
-            let read = |clients: &mut Clients<'_>| -> Result<Option<Compared<'_>>, AnyError> {
-                let described = match described {
-                    Some(described) => described,
-                    None => clients.initial(one)?,
-                };
-                let present = clients.value(one)?;
-                Ok(present.map(|present| Compared {
-                    one,
-                    described,
-                    present,
-                    line,
-                }))
-            };
-            let read = read(&mut clients).map_err(|error| format!("{}: {error}", one.place()));
-            all.extend(read?);
-            Ok::<_, AnyError>(())
-        };
-        match &self.file {
+        let wanted: Vec<_> = match &self.file {
             None => {
-                for one in known.all.iter().filter(|one| one.can_be_set()) {
-                    add(one, None, None)?;
-                }
+                let parameters = known.all.iter().filter(|one| one.can_be_set());
+                parameters.map(|one| (one, None, None)).collect()
             }
-            Some(file) => {
-                for parameter in file::read(file, &known)? {
-                    add(parameter.one, Some(parameter.value), Some(parameter.line))?;
-                }
-            }
+            Some(file) => file::read(file, &known)?
+                .into_iter()
+                .map(|it| (it.one, Some(it.value), Some(it.line)))
+                .collect(),
+        };
+        let mut all = Vec::new();
+        for (one, described, line) in wanted {
+            let failed = |error| format!("{}: {error}", one.place());
+            let described = described.map_or_else(|| clients.initial(one), Ok);
+            let described = described.map_err(failed)?;
+            let present = clients.value(one).map_err(failed)?;
+            all.extend(present.map(|present| Compared {
+                one,
+                described,
+                present,
+                line,
+            }));
         }
         let compared = all.len();
         all.retain(|it| it.described != it.present);
@@ -208,21 +200,17 @@ impl Diff {
 fn sources(application: &dyn Application, system: &Path, all: &[Compared<'_>]) -> Vec<Source> {
     let description = SystemDescription::read(system, application).ok();
     let robot = description.and_then(|description| description.robot);
-    let keys = robot.as_ref().map(|robot| {
-        let names: Vec<&str> = all.iter().map(|it| it.one.name.as_str()).collect();
-        let keys = application.described_keys(robot, &names);
-        keys.into_iter().map(move |key| (robot, key))
-    });
+    let names: Vec<&str> = all.iter().map(|it| it.one.name.as_str()).collect();
+    let keys = (robot.as_ref()).map(|robot| application.described_keys(robot, &names));
     let mut keys = keys.into_iter().flatten();
-    let source = |_: &Compared<'_>| {
-        let Some((robot, Some(DescribedKey { key, line }))) = keys.next() else {
-            return Source::default();
-        };
-        Source {
-            file: Some(robot.display().to_string()),
+    let file = robot.map(|robot| robot.display().to_string());
+    let source = |_: &Compared<'_>| match keys.next().flatten() {
+        Some(DescribedKey { key, line }) => Source {
+            file: file.clone(),
             line,
             key: Some(key),
-        }
+        },
+        None => Source::default(),
     };
     all.iter().map(source).collect()
 }

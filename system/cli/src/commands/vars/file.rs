@@ -166,10 +166,8 @@ fn value_of(one: &CatalogEntry, text: &str) -> Result<AnyValue, String> {
     let value = one.of.parse(text);
     let value =
         value.map_err(|error| format!("`{name}`: {error}; it can be set to {}", choices(one)))?;
-    if one
-        .entry
-        .bounds
-        .is_some_and(|bounds| !is_within(value, bounds))
+    if let Some([least, greatest]) = one.entry.bounds
+        && !(least..=greatest).contains(&value)
     {
         let allowed = format!("{} {unit}", choices(one));
         return Err(format!(
@@ -178,31 +176,6 @@ fn value_of(one: &CatalogEntry, text: &str) -> Result<AnyValue, String> {
         ));
     }
     Ok(value)
-}
-
-/// Tells whether a value is within bounds of the same kind.
-fn is_within(value: AnyValue, bounds: [AnyValue; 2]) -> bool {
-    match (value, bounds) {
-        (AnyValue::F32(value), [AnyValue::F32(least), AnyValue::F32(greatest)]) => {
-            (least..=greatest).contains(&value)
-        }
-        (AnyValue::F64(value), [AnyValue::F64(least), AnyValue::F64(greatest)]) => {
-            (least..=greatest).contains(&value)
-        }
-        (AnyValue::Int(value), [AnyValue::Int(least), AnyValue::Int(greatest)]) => {
-            (least..=greatest).contains(&value)
-        }
-        (AnyValue::Uint(value), [AnyValue::Uint(least), AnyValue::Uint(greatest)]) => {
-            (least..=greatest).contains(&value)
-        }
-        (AnyValue::Bool(value), [AnyValue::Bool(least), AnyValue::Bool(greatest)]) => {
-            (least..=greatest).contains(&value)
-        }
-        (AnyValue::Choice(value), [AnyValue::Choice(least), AnyValue::Choice(greatest)]) => {
-            (least..=greatest).contains(&value)
-        }
-        _ => false,
-    }
 }
 
 /// A number, a boolean or a string of a file, as the text that [`Type::parse`](condor_host::watching::Type::parse)
