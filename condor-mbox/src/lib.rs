@@ -7,6 +7,7 @@
 //! [region]: Region
 //! [exchange]: mod@exchange
 //! [published]: mod@published
+//! [shared_log]: mod@shared_log
 //! [spin_lock]: mod@spin_lock
 //! [window]: MemoryWindow
 //! [time]: Clock
@@ -49,6 +50,7 @@ pub mod sim;
 // Messages longer than a word; each of these modules has types of its own beside the one below.
 pub mod exchange;
 pub mod published;
+pub mod shared_log;
 pub mod spin_lock;
 
 mod backend;
@@ -76,6 +78,7 @@ pub use mailbox::{
 pub use exchange::Exchange;
 pub use published::Published;
 pub use region::{Allocator, Offset, Region};
+pub use shared_log::SharedLog;
 pub use spin_lock::SpinLock;
 
 pub use backend::Backend;

@@ -5,12 +5,13 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use crate::published::PublishedReadError;
+use crate::shared_log::SharedLogReader;
 use crate::sim::SimWindow;
 use crate::spin_lock::{Bakery, Incarnations, LockOwner, NativeSwap, SpinLockError, TestAndSet};
 use crate::window::{AccessError, CompareExchange, WindowError, WindowErrorKind};
 use crate::{
-    Clock, Instant, LoadOrder, MemoryWindow, Offset, Processor, Published, Region, SingleContext,
-    SpinLock, StoreOrder,
+    Clock, Instant, LoadOrder, MemoryWindow, Offset, Processor, Published, Region, SharedLog,
+    SingleContext, SpinLock, StoreOrder,
 };
 
 use super::Tally;
@@ -263,6 +264,13 @@ fn operate(window: &Noisy, region: &Region<Noisy>, script: &mut Script<'_>) {
                 contend(window, &SpinLock::new(lock), script);
             }
         }
+        6 => {
+            let lock = NativeSwap::new(region, place);
+            let log = region.part(offset(script), offset(script));
+            if let (Ok(lock), Ok(memory)) = (lock, log) {
+                append(window, SpinLock::new(lock), &memory, script);
+            }
+        }
         _ => {
             let lock = Bakery::new(region, place, PROCESSORS, SingleContext::new());
             if let Ok(lock) = lock {
@@ -274,6 +282,36 @@ fn operate(window: &Noisy, region: &Region<Noisy>, script: &mut Script<'_>) {
 
 fn owner(number: u8) -> LockOwner {
     LockOwner::new(Processor(number), INCARNATION).expect("a small number")
+}
+
+/// Appends to a log and reads it; both can fail, and end.
+fn append<L: TestAndSet>(
+    window: &Noisy,
+    lock: SpinLock<L>,
+    memory: &Region<Noisy>,
+    script: &mut Script<'_>,
+) {
+    let (log, reader) = (
+        SharedLog::new(memory.clone(), lock),
+        SharedLogReader::new(memory.clone()),
+    );
+    let (Ok(log), Ok(mut reader)) = (log, reader) else {
+        assert!(memory.size() < 192);
+        return;
+    };
+    for _ in 0..4 {
+        window.now();
+        let me = owner(script.byte() % PROCESSORS);
+        let _ = log.try_append(
+            me,
+            &Known,
+            Instant::from_ns(script.word().into()),
+            "appended",
+        );
+        if let Ok(Some(entry)) = reader.next_entry() {
+            assert!(entry.text().len() <= SharedLog::TEXT_BYTES);
+        }
+    }
 }
 
 fn contend<L: TestAndSet>(window: &Noisy, lock: &SpinLock<L>, script: &mut Script<'_>) {

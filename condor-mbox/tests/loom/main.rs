@@ -6,4 +6,5 @@ mod messages;
 mod model;
 mod published;
 mod rejoin;
+mod shared_log;
 mod spin_lock;

@@ -5,77 +5,18 @@
 use condor_mbox::spin_lock::{
     Bakery, Incarnations, LockOwner, NativeSwap, SpinLockError, TestAndSet,
 };
-use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind, check_access};
-use condor_mbox::{LoadOrder, MemoryWindow, Processor, SingleContext, SpinLock, StoreOrder};
+use condor_mbox::{Processor, SingleContext, SpinLock};
 use loom::cell::UnsafeCell;
 use loom::sync::Arc;
-use loom::sync::atomic::{AtomicU32, Ordering};
 use loom::thread;
 
+use crate::model::LoomWindow;
+
 const PROCESSORS: u8 = 2;
-const WORDS: usize = Bakery::bytes(PROCESSORS) / 4;
 
 /// The memory of a lock.
-struct Memory([AtomicU32; WORDS]);
-
-#[derive(Debug)]
-struct MemoryError(WindowErrorKind);
-
-impl WindowError for MemoryError {
-    fn kind(&self) -> WindowErrorKind {
-        self.0
-    }
-}
-
-impl Memory {
-    fn new() -> Self {
-        Self(std::array::from_fn(|_| AtomicU32::new(0)))
-    }
-}
-
-impl MemoryWindow for Memory {
-    type Error = MemoryError;
-
-    fn size(&self) -> u32 {
-        WORDS as u32 * 4
-    }
-
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, MemoryError> {
-        self.check(offset, 4)?;
-        Ok(self.0[offset as usize / 4].load(match order {
-            LoadOrder::Relaxed => Ordering::Relaxed,
-            LoadOrder::Acquire => Ordering::Acquire,
-        }))
-    }
-
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), MemoryError> {
-        self.check(offset, 4)?;
-        self.0[offset as usize / 4].store(
-            value,
-            match order {
-                StoreOrder::Relaxed => Ordering::Relaxed,
-                StoreOrder::Release => Ordering::Release,
-            },
-        );
-        Ok(())
-    }
-
-    fn check(&self, offset: u32, len: usize) -> Result<(), MemoryError> {
-        check_access(self.size(), offset, len).map_err(MemoryError)
-    }
-}
-
-impl CompareExchange for Memory {
-    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, MemoryError> {
-        self.check(offset, 4)?;
-        let (Ok(found) | Err(found)) = self.0[offset as usize / 4].compare_exchange(
-            current,
-            new,
-            Ordering::AcqRel,
-            Ordering::Acquire,
-        );
-        Ok(found)
-    }
+fn memory() -> LoomWindow {
+    LoomWindow::seen(Bakery::bytes(PROCESSORS) as u32)
 }
 
 /// Explores every execution with at most this many preemptions. All four models take 3 seconds;
@@ -103,11 +44,11 @@ fn owner(processor: u8) -> LockOwner {
 
 /// Two processors each try `visits` times; loom reports an access to the cell that another one
 /// has not released.
-fn two_visitors<L: TestAndSet + 'static>(visits: [u32; 2], form: fn(Arc<Memory>) -> L) {
+fn two_visitors<L: TestAndSet + 'static>(visits: [u32; 2], form: fn(LoomWindow) -> L) {
     check(move || {
-        let memory = Arc::new(Memory::new());
+        let memory = memory();
         let inside = Arc::new(UnsafeCell::new(0));
-        let visit = move |number: u8, memory: Arc<Memory>, inside: Arc<UnsafeCell<u32>>| {
+        let visit = move |number: u8, memory: LoomWindow, inside: Arc<UnsafeCell<u32>>| {
             let lock = SpinLock::new(form(memory));
             let mut visited = 0;
             for _ in 0..visits[usize::from(number)] {
@@ -146,16 +87,16 @@ fn two_processors_are_never_both_inside_a_swap() {
 }
 
 /// Both find the owner dead and recover: one of them gets the lock, and only one.
-fn two_recoverers<L: TestAndSet + 'static>(form: fn(Arc<Memory>) -> L) {
+fn two_recoverers<L: TestAndSet + 'static>(form: fn(LoomWindow) -> L) {
     check(move || {
-        let memory = Arc::new(Memory::new());
+        let memory = memory();
         let dead = LockOwner::new(Processor(0), 7).unwrap();
         std::mem::forget(
             SpinLock::new(form(memory.clone()))
                 .try_lock(dead, &Except(None))
                 .unwrap(),
         );
-        let recover = move |number: u8, memory: Arc<Memory>| {
+        let recover = move |number: u8, memory: LoomWindow| {
             let lives = Except(Some(dead));
             let lock = SpinLock::new(form(memory));
             let Err(SpinLockError::OwnerDead { owner: found }) =

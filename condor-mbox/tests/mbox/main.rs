@@ -19,6 +19,7 @@ mod model;
 mod published;
 mod region;
 mod rejoin;
+mod shared_log;
 mod spin_lock;
 mod static_memory;
 mod writer_stopped;

@@ -97,7 +97,9 @@ impl Program for Servo {
                     let (at, angle) = (place.load(Relaxed), target.load(Relaxed));
                     if mem::replace(&mut logged, angle) != angle {
                         let noted = writeln!(stdio.stream(log)?, "from {at} to {angle} mrad");
-                        if let Err(error) = noted.map_err(ProgramError::from) {
+                        let shared =
+                            background.log(format_args!("turns from {at} to {angle} mrad"));
+                        if let Err(error) = noted.map_err(ProgramError::from).and(shared) {
                             background.print(format_args!("{error}\r\n"));
                         }
                     }

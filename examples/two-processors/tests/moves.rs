@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use condor_rt::{Machine as _, Messenger as _, Processor, ProgramError, sim};
+use condor_rt::{Machine as _, Messenger as _, Processor, ProgramError, shared_log, sim};
 use two_processors::{Master, SERVO, Servo, WHERE};
 
 #[test]
@@ -15,6 +15,7 @@ fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
     fs::write(root.join("servo.log"), "").unwrap();
     let mut system = sim::VirtualSystem::new(65536)?;
     system.files(&root)?;
+    system.share_memory(shared_log::BYTES)?;
     system.spawn(Processor(0), &Master)?;
     system.spawn(SERVO, &Servo)?;
     system.host(Processor(20), |machine| {
@@ -27,6 +28,14 @@ fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
             assert!((at - expected).abs() < 10, "{at} mrad");
             machine.work(500_000_000);
         }
+        let memory = machine.shared_memory().expect("shared memory");
+        let mut log = shared_log::reader(&memory)?;
+        let (sent, turned) = (log.next_entry()?.unwrap(), log.next_entry()?.unwrap());
+        assert_eq!(sent.text(), "sends the joint to 500 mrad");
+        assert_eq!(
+            (turned.processor(), turned.text()),
+            (SERVO, "turns from 0 to 500 mrad")
+        );
         Ok::<_, ProgramError>(())
     })?;
     system.run_until(5_000_000_000)?;

@@ -3,6 +3,7 @@
 mod clock;
 mod demo;
 mod help;
+mod log;
 mod new;
 mod requests;
 mod summary;
@@ -125,7 +126,7 @@ enum Command {
     /// Serves GDB's protocol, so that an editor can debug harts
     Debug(commands::Debug),
     /// Shows the log of a running system
-    Log(requests::Log),
+    Log(log::Log),
     /// Prints a script by which a shell completes commands
     Completions {
         /// The shell
@@ -245,7 +246,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Restart(one)) => requests::restart(one)?,
         Some(Command::Load(load)) => requests::load(load)?,
         Some(Command::Down(which)) => requests::down(&which)?,
-        Some(Command::Log(log)) => requests::log(&log)?,
+        Some(Command::Log(log)) => log.run()?,
         Some(Command::Completions { shell }) => {
             let out = &mut std::io::stdout();
             help::complete(command(application), &me(), shell, out)?;

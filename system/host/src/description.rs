@@ -8,7 +8,7 @@
 //! | `[clock]` `kind` | `"real"`, or `"simulated"`: one time for all processors that no other program hurries or delays (see [`condor_clock`]) | `"real"` |
 //! | `[clock]` `speed` | the speed of a simulated clock, as a multiple of the real time such as `0.5`, or `"max"` | 1 |
 //! | `[bus]` `bytes` | the size of the file that all programs map as their bus, in bytes, a multiple of 4096 | no bus |
-//! | `[shared_memory]` `bytes` | the size of a memory that belongs to no processor and that all processors reach, in bytes, a multiple of 4096 | none |
+//! | `[shared_memory]` `bytes` | the size of a memory that belongs to no processor and that all processors reach, in bytes, a multiple of 4096; its first 20480 bytes are for the log of the programs, `condor log --shared` | none |
 //! | `[…]` | the table of an [extension](crate::extension) | none |
 //! | `[files]` `root` | the directory that the file service serves; it is made if it does not exist | nothing is served |
 //! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | the limits of programs there | no limits |

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use condor_dev::OpenError;
+use condor_mbox::shared_log::SharedLogError;
 use condor_mbox::{AccessError, Vector};
 use condor_mos::{LoopError, RateError, StartError};
 use condor_tty::TerminalError;
@@ -111,6 +112,20 @@ pub enum ProgramError {
         /// The number of free bytes.
         left: u32,
     },
+    /// The system has too little memory that belongs to no processor.
+    #[error(
+        "the program needs {needed} bytes of the memory that belongs to no processor, and the system has {found}: set \
+         `bytes` of `[shared_memory]` in its description"
+    )]
+    SharedMemory {
+        /// The number of bytes that are needed.
+        needed: u32,
+        /// The number of bytes that are there.
+        found: u32,
+    },
+    /// The log in the memory that belongs to no processor could not be appended to.
+    #[error(transparent)]
+    SharedLog(#[from] SharedLogError),
     /// An error that only this program knows, as text; [`ProgramError::program`] makes it.
     #[error("{0}")]
     Program(ShortText<112>),
@@ -153,7 +168,8 @@ impl ProgramError {
             | Self::VectorTaken { .. }
             | Self::LeftOver { .. }
             | Self::Variables { .. }
-            | Self::Window { .. } => MISTAKE,
+            | Self::Window { .. }
+            | Self::SharedMemory { .. } => MISTAKE,
             _ => 1,
         }
     }

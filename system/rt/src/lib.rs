@@ -36,6 +36,7 @@ pub mod simulated;
 // The parts by which a program shows its state.
 pub mod loops;
 pub mod objects;
+pub mod shared_log;
 
 // The requests of a program to its host.
 pub mod supervisor;

@@ -3,8 +3,10 @@
 use core::time::Duration;
 
 use condor_dev::{Bus, InterruptController, InterruptEntry};
+use condor_mbox::spin_lock::TestAndSet;
 use condor_mbox::{
-    self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Region, Waiting, Windows,
+    self as mbox, AccessError, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Region,
+    Waiting, Windows,
 };
 use condor_mos::{Loops, Rate};
 
@@ -38,6 +40,8 @@ pub trait Machine: Sync {
     type Exclusion: Exclusion + Clone + Sync;
     /// The bus to which the boards are connected.
     type Bus: Bus + Clone + Send + Sync;
+    /// The form of locks in memory that processors share; it is the same one on all processors of a system.
+    type TestAndSet: TestAndSet;
     /// The controller of the boards' interrupts.
     type Controller: InterruptController + Clone + Send + Sync;
 
@@ -95,6 +99,22 @@ pub trait Machine: Sync {
     fn shared_memory(&self) -> Option<Region<Self::Window>> {
         None
     }
+
+    /// Returns the lock at `offset` bytes of `memory`, for a [`SpinLock`](mbox::SpinLock) that protects a structure of
+    /// several processors there. All processors must agree on the offset. The lock takes 2048 bytes at most.
+    ///
+    /// # For implementers
+    ///
+    /// [`NativeSwap`](mbox::spin_lock::NativeSwap) if all processors of the system have compare-and-swap, and
+    /// [`Bakery`](mbox::spin_lock::Bakery) for [`PROCESSORS`] processors otherwise.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the lock is misaligned or not inside.
+    fn test_and_set(
+        &self,
+        memory: Region<Self::Window>,
+        offset: u32,
+    ) -> Result<Self::TestAndSet, AccessError>;
 
     /// Returns the way in which the mailbox of the program waits.
     fn waiting(&self) -> Waiting {

@@ -20,6 +20,7 @@ use crate::loops::LoopReport;
 use crate::machine::{Machine, MailboxOf};
 use crate::numbers;
 use crate::servo::LOOPS;
+use crate::shared_log;
 use crate::supervisor::Supervisor;
 use crate::variables::{RateParam, rate_of};
 
@@ -164,6 +165,19 @@ impl<'b, M: Machine> Background<'b, M> {
             // The terminal counts the text for which it has no room.
             let _ = console.console(self.mailbox).write_fmt(text);
         }
+    }
+
+    /// Appends a line to the log of the system, with the name of this processor and the time. All processors append to
+    /// it, processes and harts alike; `condor log --shared` shows it. Of a text longer than
+    /// [`TEXT_BYTES`](condor_mbox::SharedLog::TEXT_BYTES) the beginning is kept. The call waits for 100 ms at most.
+    ///
+    /// The log lies in the memory that belongs to no processor, at its [beginning](crate::shared_log::BYTES).
+    ///
+    /// # Errors
+    /// [`ProgramError::SharedMemory`] if the system has no such memory, or too little; [`ProgramError::SharedLog`] if
+    /// others did not let this program append, or the memory holds something else.
+    pub fn log(&self, text: fmt::Arguments<'_>) -> Result<(), ProgramError> {
+        shared_log::append(self.machine, self.mailbox, text)
     }
 
     /// Connects to the file service, and returns a client with which the background opens the

@@ -1,5 +1,8 @@
 //! The logs of clients, and what clients and their judge must agree on.
 
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Write as _};
 use std::path::Path;
 
 use condor_mbox::Processor;
@@ -29,6 +32,15 @@ pub enum Line {
     Offers(u32, u64, u64),
     /// The outcome that the client was told for the request of this index, as the words of the log.
     Told(u32, String),
+}
+
+/// Appends a line to the log of a client, or none of it: the client may be killed at any time.
+///
+/// # Errors
+/// Returns the error with which the file was not written.
+pub fn append(mut log: &File, line: fmt::Arguments<'_>) -> io::Result<()> {
+    // One call; `writeln` would make one for each part of the line.
+    log.write_all(format!("{line}\n").as_bytes())
 }
 
 /// Reads the log of a client in the file `log`, oldest line first. Lines that cannot be understood are left out, and a

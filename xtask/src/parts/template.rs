@@ -154,6 +154,7 @@ impl Project<'_> {
         self.ask(&["vars", "set", "servo.hz", "250", "--system", system])?;
         self.until_at(system, -400)?;
         self.logged(" to -400 mrad\n")?;
+        self.until_both_log(system)?;
         panel.moves()?;
         self.logged(" to 250 mrad\n")?;
         if kills {
@@ -174,6 +175,24 @@ impl Project<'_> {
             }
             if begun.elapsed() > PATIENCE {
                 return Err(format!("{} has no line {line:?}: {log:?}", path.display()).into());
+            }
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Waits until both programs have appended to the log that they share.
+    fn until_both_log(&self, system: &str) -> Result<()> {
+        let begun = Instant::now();
+        loop {
+            let log = self.ask(&["log", "--shared", "--system", system])?;
+            if ["master: sends the joint", "servo: turns from"]
+                .iter()
+                .all(|line| log.contains(line))
+            {
+                return Ok(());
+            }
+            if begun.elapsed() > PATIENCE {
+                return Err(format!("{system}: the shared log is {log:?}").into());
             }
             thread::sleep(Duration::from_millis(50));
         }

@@ -7,11 +7,12 @@
 #![allow(dead_code, unreachable_pub)]
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed};
 use std::time::Duration;
 
 use condor_mbox::layout::{self, header};
-use condor_mbox::window::{WindowError, WindowErrorKind, check_access};
+use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind, check_access};
 use condor_mbox::{
     Clock, Doorbell, Evidence, Exclusion, Handler, Instant, LoadOrder, Mailbox, MemoryWindow,
     Messenger, Processor, StoreOrder, Vector, Waiting, Windows,
@@ -134,6 +135,23 @@ impl MemoryWindow for LoomWindow {
 
     fn check(&self, offset: u32, len: usize) -> Result<(), LoomWindowError> {
         check_access(self.size(), offset, len).map_err(LoomWindowError)
+    }
+}
+
+impl CompareExchange for LoomWindow {
+    fn compare_exchange(
+        &self,
+        offset: u32,
+        current: u32,
+        new: u32,
+    ) -> Result<u32, LoomWindowError> {
+        self.check(offset, 4)?;
+        let (success, failure) = (Ordering::AcqRel, Ordering::Acquire);
+        let (Ok(found) | Err(found)) = match &self.0[offset as usize / 4] {
+            Word::Seen(word) => word.compare_exchange(current, new, success, failure),
+            Word::Plain(word) => word.compare_exchange(current, new, AcqRel, Acquire),
+        };
+        Ok(found)
     }
 }
 

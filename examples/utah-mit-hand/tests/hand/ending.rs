@@ -6,7 +6,7 @@ use std::time::Duration;
 use condor_dev::InterruptEntry;
 use condor_dev::linux::LinuxBus;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Processor, Waiting, Windows};
+use condor_mbox::{AccessError, Processor, Region, Waiting, Windows};
 use condor_mos::{Loops, Rate};
 use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated};
 use condor_rt::{Machine, PROCESSORS, ProgramError, ServoLoop};
@@ -23,6 +23,7 @@ impl Machine for Ending<'_> {
     type Doorbell = Bell;
     type Exclusion = SimCriticalSection;
     type Bus = LinuxBus;
+    type TestAndSet = <Simulated<LinuxBus> as Machine>::TestAndSet;
     type Controller = <Simulated<LinuxBus> as Machine>::Controller;
 
     fn number(&self) -> Processor {
@@ -35,6 +36,14 @@ impl Machine for Ending<'_> {
 
     fn doorbell(&self) -> Bell {
         self.machine.doorbell()
+    }
+
+    fn test_and_set(
+        &self,
+        memory: Region<LinuxWindow>,
+        offset: u32,
+    ) -> Result<Self::TestAndSet, AccessError> {
+        self.machine.test_and_set(memory, offset)
     }
 
     fn exclusion(&self) -> SimCriticalSection {

@@ -4,7 +4,6 @@
 //! incarnation knows which outcomes are still to be asked for.
 
 use std::fs::File;
-use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
@@ -15,7 +14,7 @@ use condor_robot::objects;
 use condor_robot::packet::ClientError;
 use condor_robot::queue::{InControl, QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_rt::{Background, Machine, MailboxOf, Program, ProgramError, Setup, users};
-use verdict::log::{CLIENTS, JOINTS, Line, MASTER, PLACE, read, target};
+use verdict::log::{self, CLIENTS, JOINTS, Line, MASTER, PLACE, read, target};
 
 /// While a file of this name is there, the clients enqueue nothing new.
 pub(crate) const ENOUGH: &str = "enough";
@@ -83,7 +82,7 @@ fn work<M: Machine>(background: &Background<'_, M>) -> Result<(), Failed> {
         next = worker.turn(next, all)?;
     }
     if next >= all || is_enough() {
-        writeln!(worker.log, "end")?;
+        log::append(&worker.log, format_args!("end"))?;
     }
     while !background.is_stopping() {
         background.serve(PAUSE)?;
@@ -144,7 +143,8 @@ impl<M: Machine> Worker<'_, M> {
                 session,
                 number: self.number,
             };
-            writeln!(self.log, "offers {index} {session} {}", self.number)?;
+            let number = self.number;
+            log::append(&self.log, format_args!("offers {index} {session} {number}"))?;
             open.push((index, identity));
             self.offer(index, identity)?;
         }
@@ -182,7 +182,7 @@ impl<M: Machine> Worker<'_, M> {
             };
             match answer {
                 QueueAnswer::Known(state, reason) if state.is_final() => {
-                    writeln!(self.log, "told {index} {state:?} {reason:?}")?;
+                    log::append(&self.log, format_args!("told {index} {state:?} {reason:?}"))?;
                     if (state, reason) == (RequestState::Refused, RefusalReason::NotReady) {
                         // Until somebody has enabled the hand.
                         self.background.serve(Duration::from_millis(500))?;
@@ -191,7 +191,7 @@ impl<M: Machine> Worker<'_, M> {
                 }
                 QueueAnswer::Known(..) | QueueAnswer::New => self.background.serve(PAUSE)?,
                 QueueAnswer::Never | QueueAnswer::Forgotten | QueueAnswer::NoSession => {
-                    writeln!(self.log, "told {index} {answer:?}")?;
+                    log::append(&self.log, format_args!("told {index} {answer:?}"))?;
                     if self.session == Some(identity.session) {
                         self.session = None;
                     }

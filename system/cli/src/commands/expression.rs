@@ -11,7 +11,7 @@ use super::running::Running;
 use super::{How, print, print_json};
 use crate::peek::Peek;
 use condor_host::application::Application;
-use condor_host::error::{AnyError, me};
+use condor_host::error::AnyError;
 
 #[derive(Debug, Args)]
 pub(crate) struct Print {
@@ -74,13 +74,6 @@ impl Print {
             member,
             &view,
         )?;
-        let Some(peek) = peek else {
-            let text = format!(
-                "is a process of this machine; `{} gdb` shows its variables",
-                me()
-            );
-            return Err(format!("{} {text}", member.name).into());
-        };
         let names = peek.names()?;
         let requests = self
             .expressions

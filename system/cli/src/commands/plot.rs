@@ -38,7 +38,7 @@ const LOOK: Duration = Duration::from_millis(250);
 #[derive(Debug, Args)]
 pub(crate) struct Plot {
     /// The variables of the first pane, of any loops; if several have the same name, put PROCESSOR: or
-    /// PROCESSOR:LOOP: before it. PROCESSOR:EXPRESSION is a number of a hart's program, as for `print`. In a
+    /// PROCESSOR:LOOP: before it. PROCESSOR:EXPRESSION is a number of a program, as for `print`. In a
     /// name, * stands for any characters, and ? for one. If the first name ends with .mcap, it is a recording,
     /// and variables of the recording are drawn instead of those of a system
     #[arg(required_unless_present_any = ["panes", "robot"])]

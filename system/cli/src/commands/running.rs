@@ -5,6 +5,18 @@ use condor_host::control::{ClockStatus, ControlClient, ControlClientError, Membe
 use condor_host::error::AnyError;
 use condor_host::system::{self, FindError, SystemDirectory};
 use condor_host::view::View;
+use condor_mbox::Processor;
+use condor_rt::numbers::VISITORS;
+
+/// Returns the name of the processor or service with this number, or a description of a visitor.
+pub(crate) fn name_of(status: &SystemStatus, number: Processor) -> String {
+    let mut members = status.members();
+    match members.find(|it| it.processor() == number) {
+        Some(member) => member.name.clone(),
+        None if VISITORS.contains(&number.0) => format!("visitor {}", number.0),
+        None => format!("number {}", number.0),
+    }
+}
 
 pub(super) struct Running {
     pub(super) directory: SystemDirectory,

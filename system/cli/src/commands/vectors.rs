@@ -1,6 +1,6 @@
 //! `condor vectors`.
 
-pub(super) mod follow;
+mod follow;
 
 use std::time::Duration;
 

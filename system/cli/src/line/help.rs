@@ -56,7 +56,7 @@ const GROUPS: [(&str, &[Examples]); 7] = [
             ),
             ("tty", &["tty master", "tty master < commands.txt"]),
             ("vectors", &["vectors", "vectors master --follow"]),
-            ("log", &["log", "log --follow"]),
+            ("log", &["log", "log --follow", "log --shared"]),
         ],
     ),
     (

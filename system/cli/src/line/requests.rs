@@ -4,11 +4,7 @@ use clap::Args;
 
 use super::AnyError;
 use crate::commands::SystemChoice;
-use crate::commands::number::lines as count_of_lines;
-use condor_host::control::{
-    ControlClient, ControlClientError, ControlRequest, follow, from_here, told_of,
-};
-use condor_host::plain::{plain, plain_json};
+use condor_host::control::{ControlClient, ControlClientError, ControlRequest, from_here, told_of};
 use condor_host::supervisor;
 use condor_host::system;
 
@@ -30,21 +26,6 @@ pub(super) struct Load {
     /// The arguments of the program; if PROGRAM is `self`, the first one names a program of this binary
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
-    #[command(flatten)]
-    which: SystemChoice,
-}
-
-#[derive(Debug, Args)]
-pub(super) struct Log {
-    /// Also shows new lines as they come, until the system ends
-    #[arg(short, long)]
-    follow: bool,
-    /// The number of earlier lines to show
-    #[arg(short = 'n', long, default_value = "50", value_parser = count_of_lines)]
-    lines: usize,
-    /// Prints each line as JSON
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
     which: SystemChoice,
 }
@@ -99,28 +80,6 @@ pub(super) fn down(which: &SystemChoice) -> Result<(), AnyError> {
     };
     if let Some(text) = told_of(&killed) {
         println!("{text}");
-    }
-    Ok(())
-}
-
-pub(super) fn log(log: &Log) -> Result<(), AnyError> {
-    let directory = system::find(log.which.system.as_deref())?;
-    let (lines, events) = follow(&directory, log.lines)?;
-    for line in &lines {
-        if log.json {
-            println!("{}", plain_json(&serde_json::json!({ "line": line }))?);
-        } else {
-            println!("{}", plain(line));
-        }
-    }
-    let followed = if log.follow { usize::MAX } else { 0 };
-    for event in events.take(followed) {
-        let event = event?;
-        if log.json {
-            println!("{}", plain_json(&event)?);
-        } else {
-            println!("{}", plain(&event.to_string()));
-        }
     }
     Ok(())
 }

@@ -98,7 +98,11 @@ impl<'k, T: VariableName> Choice<'k, T> {
                     }
                     continue;
                 }
-                Some(Err(why)) => unknown.why = why,
+                Some(Err(why)) => {
+                    unknown.why += " (among the program's static variables: ";
+                    unknown.why += &why;
+                    unknown.why.push(')');
+                }
                 None => {}
             }
             self.unknown.push(unknown);

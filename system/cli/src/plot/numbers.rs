@@ -4,13 +4,15 @@ use std::time::{Duration, Instant};
 
 use super::curve::{Sample, Variable};
 use crate::peek::{NumberAt, Peek};
-use condor_host::control::SystemStatus;
+use condor_host::control::{ControlClient, SystemStatus};
+use condor_host::error::AnyError;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 
-/// The time between two samples.
+/// The time between two samples, and between two looks for programs that were restarted.
 const PERIOD: Duration = Duration::from_millis(10);
+const LOOK: Duration = Duration::from_millis(500);
 
 /// The numbers of a plot, in the order in which they were found.
 pub(super) struct Numbers<'v> {
@@ -20,9 +22,10 @@ pub(super) struct Numbers<'v> {
     view: &'v View,
     /// The programs that were asked for, by the numbers of their processors.
     programs: Vec<(u8, Peek)>,
-    /// Each with the place of its program.
-    found: Vec<(usize, NumberAt)>,
+    /// Each with the place of its program, and its expression.
+    found: Vec<(usize, NumberAt, String)>,
     next: Instant,
+    next_look: Instant,
 }
 
 impl<'v> Numbers<'v> {
@@ -40,11 +43,12 @@ impl<'v> Numbers<'v> {
             programs: Vec::new(),
             found: Vec::new(),
             next: Instant::now(),
+            next_look: Instant::now() + LOOK,
         }
     }
 
     /// Finds the number of a name such as `servo-a:SERVO.joints[2].gain`; `None` if the name does not begin with
-    /// a processor whose memory can be read.
+    /// a processor.
     pub(super) fn find(&mut self, name: &str) -> Option<Result<Variable, String>> {
         let (processor, expression) = name.split_once(':')?;
         let member = self.status.processor(processor).ok()?;
@@ -54,14 +58,14 @@ impl<'v> Numbers<'v> {
         if known.is_none() {
             let (extensions, directory) = (self.extensions, self.directory);
             match Peek::open(extensions, directory, self.status, member, self.view) {
-                Ok(peek) => self.programs.push((member.number, peek?)),
+                Ok(peek) => self.programs.push((member.number, peek)),
                 Err(error) => return Some(Err(error.to_string())),
             }
         }
         let (_, peek) = self.programs.get(place)?;
         Some(match peek.number(expression) {
             Ok(number) => {
-                self.found.push((place, number));
+                self.found.push((place, number, expression.into()));
                 Ok(Variable {
                     processor: member.name.clone(),
                     owner: String::new(),
@@ -81,11 +85,16 @@ impl<'v> Numbers<'v> {
             return Vec::new();
         }
         self.next = now + PERIOD;
+        if now >= self.next_look {
+            self.next_look = now + LOOK;
+            // As long as a program does not run again, its numbers are none.
+            let _ = self.follow_restarts();
+        }
         let samples = self
             .found
             .iter()
             .zip(first..)
-            .map(|((place, number), curve)| {
+            .map(|((place, number, _), curve)| {
                 let program = self.programs.get(*place);
                 let value = program.map_or(f64::NAN, |(_, peek)| peek.value(*number));
                 Sample {
@@ -95,5 +104,21 @@ impl<'v> Numbers<'v> {
                 }
             });
         samples.collect()
+    }
+
+    /// Opens programs again that were restarted, perhaps as other programs.
+    fn follow_restarts(&mut self) -> Result<(), AnyError> {
+        for (place, (number, peek)) in self.programs.iter_mut().enumerate() {
+            if peek.is_there() {
+                continue;
+            }
+            let status = ControlClient::connect(self.directory)?.status()?;
+            let member = status.processor(&number.to_string())?;
+            *peek = Peek::open(self.extensions, self.directory, &status, member, self.view)?;
+            for (_, at, expression) in self.found.iter_mut().filter(|it| it.0 == place) {
+                *at = peek.number(expression)?;
+            }
+        }
+        Ok(())
     }
 }

@@ -16,6 +16,7 @@ mod joint;
 mod late;
 mod live;
 mod plots;
+mod printing;
 mod programs;
 mod recording;
 mod running;

@@ -31,7 +31,10 @@ pub enum NamesError {
         expression: String,
     },
     /// No static variable has this name.
-    #[error("there is no static variable `{name}` in the program")]
+    #[error(
+        "there is no static variable `{name}` in the program's debug information; if the program uses one, build it with \
+         `debug = 2`"
+    )]
     NoVariable {
         /// The name in the expression.
         name: String,
@@ -83,6 +86,15 @@ impl core::fmt::Display for NameParts<'_> {
         }
         write!(f, "; it has {}", self.0.join(", "))
     }
+}
+
+/// Returns the address that the first byte of a program's file has in that file. A loader that places the program
+/// elsewhere moves all addresses by the same distance. `file` has all bytes of the program's ELF file.
+///
+/// # Errors
+/// [`NamesError::NoInformation`] if the file is no ELF file, or is damaged.
+pub fn first_address(file: &[u8]) -> Result<u64, NamesError> {
+    dwarf::first_address(file).map_err(NamesError::NoInformation)
 }
 
 /// The debug information of a program, in which [`find`](Self::find) looks up static variables by

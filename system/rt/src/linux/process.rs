@@ -10,7 +10,8 @@ use condor_clock::LocalClock;
 use condor_dev::InterruptEntry;
 use condor_dev::linux::{LinuxBus, MapAccess, UioInterrupts};
 use condor_mbox::linux::{LinuxDoorbell, LinuxSystem, LinuxWindow};
-use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
+use condor_mbox::spin_lock::NativeSwap;
+use condor_mbox::{AccessError, Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
 use condor_mos::linux::{Privileges, RealTime, SignalPlatform, Threads};
 use condor_mos::{Histograms, Loops, Rate};
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -336,6 +337,7 @@ impl Machine for LinuxProcess {
     type Doorbell = ProcessBell;
     type Exclusion = ProcessSections;
     type Bus = ProcessBus;
+    type TestAndSet = NativeSwap<Region<LinuxWindow>>;
     type Controller = ProcessInterrupts;
 
     fn number(&self) -> Processor {
@@ -367,6 +369,14 @@ impl Machine for LinuxProcess {
 
     fn shared_memory(&self) -> Option<Region<LinuxWindow>> {
         self.shared_memory.clone()
+    }
+
+    fn test_and_set(
+        &self,
+        memory: Region<LinuxWindow>,
+        offset: u32,
+    ) -> Result<Self::TestAndSet, AccessError> {
+        NativeSwap::new(memory, offset)
     }
 
     fn bus(&self) -> ProcessBus {

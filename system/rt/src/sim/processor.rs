@@ -8,7 +8,8 @@ use condor_clock::linux::Futex;
 use condor_clock::{ClockFault, Handover, LocalClock, Page};
 use condor_dev::{Bus, InterruptEntry};
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{self as mbox, Region, Windows};
+use condor_mbox::spin_lock::Bakery;
+use condor_mbox::{self as mbox, AccessError, Region, Windows};
 use condor_mos::{Loops, Rate, Timer as _};
 
 use super::error::Cause;
@@ -123,6 +124,8 @@ impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
     type Doorbell = Bell;
     type Exclusion = SimCriticalSection;
     type Bus = B;
+    /// As if the processors had loads and stores alone: what works with it works with every form.
+    type TestAndSet = Bakery<Region<LinuxWindow>, SimCriticalSection>;
     type Controller = BoardLines<LinuxWindow, Bell, Arc<LineState>>;
 
     fn number(&self) -> mbox::Processor {
@@ -143,6 +146,14 @@ impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
 
     fn shared_memory(&self) -> Option<Region<LinuxWindow>> {
         self.shared_memory.clone()
+    }
+
+    fn test_and_set(
+        &self,
+        memory: Region<LinuxWindow>,
+        offset: u32,
+    ) -> Result<Self::TestAndSet, AccessError> {
+        Bakery::new(memory, offset, PROCESSORS as u8, self.exclusion())
     }
 
     fn bus(&self) -> B {

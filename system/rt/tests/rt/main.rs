@@ -9,6 +9,7 @@ mod linux_mail;
 mod one_text;
 mod serial;
 mod setup;
+mod shared_log;
 mod sim;
 mod sim_conforms;
 mod sim_files;

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use condor_dev::InterruptEntry;
 use condor_mbox::published::Subscriber;
+use condor_mbox::{AccessError, Published, Region, Vector, Windows};
 use condor_mbox::{Allocator, Clock as _, Doorbell as _, MemoryWindow as _, Messenger, Processor};
-use condor_mbox::{Published, Vector, Windows};
 use condor_mos::{Loops, Overrun, Rate};
 use condor_rt::objects;
 use condor_rt::{HANDLERS, LOOPS, Machine, PROCESSORS, Program, ProgramError, ServoLoop, Setup};
@@ -226,6 +226,7 @@ impl<M: Machine> Machine for Late<'_, M> {
     type Doorbell = M::Doorbell;
     type Exclusion = M::Exclusion;
     type Bus = M::Bus;
+    type TestAndSet = M::TestAndSet;
     type Controller = M::Controller;
 
     fn number(&self) -> Processor {
@@ -238,6 +239,14 @@ impl<M: Machine> Machine for Late<'_, M> {
 
     fn doorbell(&self) -> M::Doorbell {
         self.0.doorbell()
+    }
+
+    fn test_and_set(
+        &self,
+        memory: Region<M::Window>,
+        offset: u32,
+    ) -> Result<M::TestAndSet, AccessError> {
+        self.0.test_and_set(memory, offset)
     }
 
     fn exclusion(&self) -> M::Exclusion {

@@ -4,7 +4,8 @@ use core::time::Duration;
 
 use condor_clock::Page;
 use condor_dev::{InterruptController as _, InterruptEntry, Mmio};
-use condor_mbox::{CriticalSection, Processor, Region, StaticWindow, Windows};
+use condor_mbox::spin_lock::NativeSwap;
+use condor_mbox::{AccessError, CriticalSection, Processor, Region, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
 use condor_rt::{Machine, PROCESSORS, ProgramError, SERIAL_VECTOR, ServoLoop, on_one_stack};
@@ -162,6 +163,7 @@ impl Machine for Hart {
     type Exclusion = CriticalSection;
     /// The registers of boards, which harts and host share, and the serial port.
     type Bus = (Mmio, Mmio);
+    type TestAndSet = NativeSwap<Region<StaticWindow<'static>>>;
     type Controller = HartInterrupts;
 
     fn number(&self) -> Processor {
@@ -189,6 +191,14 @@ impl Machine for Hart {
     fn shared_memory(&self) -> Option<Region<StaticWindow<'static>>> {
         let bytes = self.map.shared_bytes;
         (bytes > 0).then(|| Region::whole(window(self.map.shared, bytes)))
+    }
+
+    fn test_and_set(
+        &self,
+        memory: Region<StaticWindow<'static>>,
+        offset: u32,
+    ) -> Result<Self::TestAndSet, AccessError> {
+        NativeSwap::new(memory, offset)
     }
 
     fn bus(&self) -> (Mmio, Mmio) {

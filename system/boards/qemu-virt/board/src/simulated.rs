@@ -10,7 +10,8 @@ use core::time::Duration;
 use condor_clock::{Handover, LOOPS, LocalClock, Page};
 use condor_dev::{InterruptEntry, Mmio};
 use condor_mbox::{
-    Clock, Doorbell, Evidence, Instant, Processor, Region, StaticWindow, Waiting, Windows,
+    AccessError, Clock, Doorbell, Evidence, Instant, Processor, Region, StaticWindow, Waiting,
+    Windows,
 };
 use condor_mos::{Loops, Rate, Timer as _};
 use condor_rt::numbers::SUPERVISOR;
@@ -133,6 +134,7 @@ impl<'h> Machine for SimulatedHart<'h> {
     type Doorbell = Bell<'h>;
     type Exclusion = SimulatedSection<&'h HartClock>;
     type Bus = Mmio;
+    type TestAndSet = <Hart as Machine>::TestAndSet;
     type Controller = HartLines<Bell<'h>>;
 
     fn number(&self) -> Processor {
@@ -153,6 +155,14 @@ impl<'h> Machine for SimulatedHart<'h> {
 
     fn shared_memory(&self) -> Option<Region<StaticWindow<'static>>> {
         self.hart.shared_memory()
+    }
+
+    fn test_and_set(
+        &self,
+        memory: Region<StaticWindow<'static>>,
+        offset: u32,
+    ) -> Result<Self::TestAndSet, AccessError> {
+        self.hart.test_and_set(memory, offset)
     }
 
     /// Devices have no simulated time: neither does the serial port answer, nor does the PLIC interrupt.

@@ -8,7 +8,7 @@ use condor_rt::numbers::PROCESSORS;
 use condor_vars::ValueKind;
 
 use crate::commands::running::Running;
-use crate::commands::vectors::follow::name_of;
+use crate::commands::running::name_of;
 use crate::recording::{RecordingError, Writer};
 use condor_host::control::{Member, SystemStatus};
 use condor_host::error::{AnyError, tell};

@@ -4,11 +4,10 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use condor_mbox::Processor;
-use condor_rt::numbers::VISITORS;
 use serde_json::json;
 
 use crate::commands::print;
-use crate::commands::running::Running;
+use crate::commands::running::{Running, name_of};
 use condor_host::control::{Member, SystemStatus};
 use condor_host::error::{AnyError, tell};
 use condor_host::plain::{plain, plain_json};
@@ -56,16 +55,6 @@ pub(super) fn follow(
         }
     }
     lines.summary()
-}
-
-/// Returns the name of the processor or service with this number, or a description of a visitor.
-pub(in crate::commands) fn name_of(status: &SystemStatus, number: Processor) -> String {
-    let mut members = status.members();
-    match members.find(|it| it.processor() == number) {
-        Some(member) => member.name.clone(),
-        None if VISITORS.contains(&number.0) => format!("visitor {}", number.0),
-        None => format!("number {}", number.0),
-    }
 }
 
 fn line(time: &str, [from, to, vector]: [&str; 3], data: &str) -> String {

@@ -4,14 +4,13 @@
 //! known. A later incarnation of the client reads in the log for which motions it must still ask.
 
 use std::fs::File;
-use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_remote::{Id, Network, Remote, RemoteAccess, RemoteError, RemoteOutcome, RemoteState};
-use verdict::log::{CLIENTS, JOINTS, Line, PLACE, read, target};
+use verdict::log::{self, CLIENTS, JOINTS, Line, PLACE, read, target};
 
 use crate::system;
 
@@ -98,7 +97,11 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     }
     for index in next..all {
         let id = until(|| worker.remote.next_id(ANSWER));
-        writeln!(worker.log, "offers {index} {} {}", id.session, id.number)?;
+        let Id { session, number } = id;
+        log::append(
+            &worker.log,
+            format_args!("offers {index} {session} {number}"),
+        )?;
         let motion = motion(worker.joint, target(index), 0.12)?;
         // Some are sent twice at once, and of some the client does not wait for the answer.
         let remote = &worker.remote;
@@ -115,7 +118,7 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
         });
         worker.settle(index, id)?;
     }
-    writeln!(worker.log, "end")?;
+    log::append(&worker.log, format_args!("end"))?;
     Ok(())
 }
 
@@ -139,7 +142,7 @@ impl Worker {
             state => format!("{state:?}"),
         };
         let why = if reason.is_empty() { "None" } else { &reason };
-        writeln!(self.log, "told {index} {word} {why}")?;
+        log::append(&self.log, format_args!("told {index} {word} {why}"))?;
         if word == "Refused" {
             // Until somebody has enabled the hand, which takes long on a machine that has much else to do.
             std::thread::sleep(ENABLED * (1 << self.refused.min(4)));

@@ -1,0 +1,79 @@
+//! Loom on the shared log: processors that append while another one reads.
+
+use condor_mbox::shared_log::SharedLogReader;
+use condor_mbox::spin_lock::{Incarnations, LockOwner, NativeSwap};
+use condor_mbox::{Instant, Processor, Region, SharedLog, SpinLock};
+
+use crate::model::{LoomWindow, explore};
+
+/// The lock, and behind it a log of one entry.
+const LOG: u32 = 4;
+const LOG_BYTES: u32 = 64 + 128;
+
+/// Everybody lives.
+struct Known;
+
+impl Incarnations for Known {
+    fn is_current(&self, _: LockOwner) -> bool {
+        true
+    }
+}
+
+fn log(memory: &LoomWindow) -> Region<LoomWindow> {
+    let memory = Region::whole(memory.clone());
+    memory.part(LOG, LOG_BYTES).unwrap()
+}
+
+/// Appends an entry in which every word says which processor it is of; returns true if the lock was free.
+fn append(memory: &LoomWindow, processor: u8) -> bool {
+    let lock = SpinLock::new(NativeSwap::new(memory.clone(), 0).unwrap());
+    let log = SharedLog::new(log(memory), lock).unwrap();
+    let owner = LockOwner::new(Processor(processor), 1).unwrap();
+    let words = u64::from(processor) << 32 | u64::from(processor);
+    let text = ["", "1111", "2222"][usize::from(processor)];
+    log.try_append(owner, &Known, Instant::from_ns(words), text)
+        .is_ok()
+}
+
+/// Reads once; returns the number of the entry.
+fn read(reader: &mut SharedLogReader<LoomWindow>) -> Option<u32> {
+    let entry = reader.next_entry().unwrap()?;
+    let processor = entry.processor().0;
+    let text = ["", "1111", "2222"][usize::from(processor)];
+    let words = u64::from(processor) << 32 | u64::from(processor);
+    assert_eq!(
+        (entry.text(), entry.at().as_ns()),
+        (text, words),
+        "a mixture"
+    );
+    Some(entry.number)
+}
+
+/// Two processors append one entry each over an earlier one, and another one reads twice.
+#[test]
+fn no_reader_gets_a_mixture() {
+    explore("two append, one reads", 2, || {
+        let memory = LoomWindow::seen(LOG + LOG_BYTES);
+        assert!(append(&memory, 1));
+        let reads = {
+            let mut reader = SharedLogReader::new(log(&memory)).unwrap();
+            loom::thread::spawn(move || {
+                let first = read(&mut reader);
+                let second = read(&mut reader);
+                assert!(
+                    second.is_none() || second > first,
+                    "{first:?}, then {second:?}"
+                );
+            })
+        };
+        let other = {
+            let memory = memory.clone();
+            loom::thread::spawn(move || append(&memory, 2))
+        };
+        let mut appended = 1 + u32::from(append(&memory, 1));
+        appended += u32::from(other.join().unwrap());
+        reads.join().unwrap();
+        let mut reader = SharedLogReader::new(log(&memory)).unwrap();
+        assert_eq!(read(&mut reader), Some(appended - 1));
+    });
+}
