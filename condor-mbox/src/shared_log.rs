@@ -120,7 +120,7 @@ impl<W: MemoryWindow, L: TestAndSet> SharedLog<W, L> {
     }
 }
 
-/// A reader of a [`SharedLog`].
+/// A program's place in a [`SharedLog`] that it reads from the oldest entry on, without a lock.
 #[derive(Clone, Copy, Debug)]
 pub struct SharedLogReader<W> {
     entries: Entries<W>,
@@ -165,7 +165,7 @@ impl<W: MemoryWindow> SharedLogReader<W> {
     }
 }
 
-/// An entry of a [`SharedLog`].
+/// A line of a [`SharedLog`], with the processor that appended it and the time.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct SharedLogEntry {
     /// The number of entries before this one; wraps to 0 after 2³² entries.
@@ -208,7 +208,7 @@ impl fmt::Debug for SharedLogEntry {
             .field("processor", &self.processor())
             .field("at", &self.at())
             .field("text", &self.text())
-            .finish()
+            .finish_non_exhaustive()
     }
 }
 
@@ -235,14 +235,14 @@ pub enum SharedLogError {
     Access(#[from] AccessError),
 }
 
-/// What a log begins with: its name and its version.
+/// The first words of a log: its name and its version.
 const KIND: [u32; 2] = [u32::from_le_bytes(*b"CLOG"), 1];
 const VERSION: u32 = 4;
 const COUNT: u32 = 8;
 const HEAD_BYTES: u32 = size_of::<Head>() as u32;
 const ENTRY_BYTES: u32 = HEAD_BYTES + SharedLog::TEXT_BYTES as u32;
 
-/// What an entry has in shared memory before its text.
+/// The part of an entry before its text.
 #[derive(Clone, Copy, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 struct Head {

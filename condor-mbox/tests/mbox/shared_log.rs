@@ -124,9 +124,10 @@ fn an_entry_whose_processor_dies_disturbs_no_other() {
         let texts: Vec<_> = entries.iter().map(SharedLogEntry::text).collect();
         let is_there = texts.contains(&"its last words");
         assert!(is_there || told.is_err(), "after {accesses} accesses");
-        let expected: &[_] = match is_there {
-            true => &["c", "its last words", "d", "e"],
-            false => &["b", "c", "d", "e"],
+        let expected = if is_there {
+            ["c", "its last words", "d", "e"]
+        } else {
+            ["b", "c", "d", "e"]
         };
         assert_eq!(texts, expected, "after {accesses} accesses");
         if !mortal.is_dead() {

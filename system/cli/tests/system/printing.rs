@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::running::{DEADLINE, Up};
 
 /// A program that joins nothing, and counts.
-const SOURCE: &str = r#"
+const SOURCE: &str = r"
 use std::sync::atomic::{AtomicU32, Ordering};
 
 struct Counts {
@@ -22,7 +22,7 @@ fn main() {
         std::thread::sleep(std::time::Duration::from_millis(1));
     }
 }
-"#;
+";
 
 #[test]
 fn numbers_of_a_process_are_printed_and_set() {

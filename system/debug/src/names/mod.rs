@@ -92,7 +92,7 @@ impl core::fmt::Display for NameParts<'_> {
 /// elsewhere moves all addresses by the same distance. `file` has all bytes of the program's ELF file.
 ///
 /// # Errors
-/// [`NamesError::NoInformation`] if the file is no ELF file, or is damaged.
+/// [`NamesError::NoInformation`] if the file is not an ELF file, or is damaged.
 pub fn first_address(file: &[u8]) -> Result<u64, NamesError> {
     dwarf::first_address(file).map_err(NamesError::NoInformation)
 }
