@@ -9,14 +9,14 @@ use crate::layout::LINE;
 use crate::region::{Offset, Region};
 use crate::spin_lock::{Incarnations, LockOwner, SpinLock, SpinLockError, TestAndSet};
 use crate::sync::{Ordering, fence};
-use crate::time::Instant;
+use crate::time::{Clock, Instant};
 use crate::window::{AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind};
 
 /// A log of lines in shared memory, to which several processors append and which others read.
 ///
 /// A [`SpinLock`] keeps processors that append apart. Readers take no lock and hold nobody up: the mark of an entry
 /// tells them whether it was overwritten while they copied it. The log keeps the latest entries. If a processor dies
-/// while it appends, its entry is lost, and the next processor that appends recovers the lock.
+/// while it appends, its entry is lost, and the next processor that appends and knows of the death recovers the lock.
 ///
 /// # In shared memory
 ///
@@ -27,11 +27,12 @@ use crate::window::{AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErro
 /// |---|---|
 /// | 0 to 3 | `CLOG`, as soon as there is an entry |
 /// | 4 to 7 | the version, 1 |
-/// | 8 to 11 | the number of entries that were appended, modulo 2³² |
+/// | 8 to 11 | the number of entries that have room |
+/// | 12 to 15 | the number of entries that were appended, modulo 2³² |
 ///
 /// | bytes of entry *n* | meaning |
 /// |---|---|
-/// | 0 to 3 | *n* + 1 if the entry is complete, 0 while it is written |
+/// | 0 to 3 | 2*n* + 1, modulo 2³², if the entry is complete; 0 while it is written |
 /// | 4 | the number of the processor |
 /// | 5 | the length of the text in bytes, at most 112 |
 /// | 8 to 15 | the time in nanoseconds |
@@ -41,11 +42,11 @@ use crate::window::{AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErro
 /// # #[cfg(target_has_atomic = "32")] {
 /// use condor_mbox::shared_log::SharedLogReader;
 /// use condor_mbox::spin_lock::{Incarnations, LockOwner, NativeSwap};
-/// use condor_mbox::{Instant, Processor, Region, SharedLog, SpinLock};
+/// use condor_mbox::{Clock, Instant, Processor, Region, SharedLog, SpinLock};
 /// # use condor_mbox::StaticMemory;
 /// static MEMORY: StaticMemory<1024> = StaticMemory::new();
 ///
-/// /// Who lives, as the mailbox knows it: here everybody.
+/// /// Who lives, as the mailbox knows it: here everybody. The clock of a program is that of its doorbell.
 /// struct Known;
 ///
 /// impl Incarnations for Known {
@@ -53,15 +54,20 @@ use crate::window::{AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErro
 ///         true
 ///     }
 /// }
+/// # impl Clock for Known {
+/// #     fn now(&self) -> Instant {
+/// #         Instant::from_ns(7)
+/// #     }
+/// # }
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let memory = Region::whole(MEMORY.window());
-/// let lock = SpinLock::new(NativeSwap::new(memory.part(0, 64)?, 0)?);
-/// let log = SharedLog::new(memory.part(64, 960)?, lock)?;
-/// let mut reader = SharedLogReader::new(memory.part(64, 960)?)?;
+/// let lock = SpinLock::new(NativeSwap::new(memory.part(960, 64)?, 0)?);
+/// let log = SharedLog::new(memory.part(0, 960)?, lock)?;
+/// let mut reader = SharedLogReader::new(memory.part(0, 960)?)?;
 ///
 /// let me = LockOwner::new(Processor(3), 1)?;
-/// log.try_append(me, &Known, Instant::from_ns(7), "the table is at rest")?;
+/// log.try_append(me, &Known, &Known, "the table is at rest")?;
 /// let entry = reader.next_entry()?.ok_or("nothing was appended")?;
 /// assert_eq!((entry.processor(), entry.text()), (Processor(3), "the table is at rest"));
 /// # Ok(())
@@ -90,8 +96,9 @@ impl<W: MemoryWindow, L: TestAndSet> SharedLog<W, L> {
         Ok(Self { entries, lock })
     }
 
-    /// Appends `text` for `me` at the time `at` without waiting; returns the number of the entry. `incarnations`, such
-    /// as the mailbox, tells whether the owner of the lock has ended.
+    /// Appends `text` for `me` without waiting, with the time of `clock`; returns the number of the entry.
+    /// `incarnations`, such as the mailbox, tells whether the owner of the lock has ended. Of a text that is too long
+    /// the beginning is kept.
     ///
     /// Call this in a critical section of the processor if several of its contexts append: one that interrupts another
     /// one gets [`Busy`](SpinLockError::Busy).
@@ -104,9 +111,11 @@ impl<W: MemoryWindow, L: TestAndSet> SharedLog<W, L> {
         &self,
         me: LockOwner,
         incarnations: &dyn Incarnations,
-        at: Instant,
+        clock: &impl Clock,
         text: &str,
     ) -> Result<u32, SharedLogError> {
+        // What is no log has perhaps no lock, either.
+        self.entries.check_or_new()?;
         let guard = match self.lock.try_lock(me, incarnations) {
             // The entry that it began is not counted yet, so nothing is to be repaired.
             Err(SpinLockError::OwnerDead { owner }) => {
@@ -114,7 +123,7 @@ impl<W: MemoryWindow, L: TestAndSet> SharedLog<W, L> {
             }
             tried => tried?,
         };
-        let number = self.entries.append(me, at, text)?;
+        let number = self.entries.append(me, clock.now(), text)?;
         guard.release()?;
         Ok(number)
     }
@@ -137,8 +146,9 @@ impl<W: MemoryWindow> SharedLogReader<W> {
         Ok(Self { entries, next: 0 })
     }
 
-    /// Returns the next entry, or `None` if no other one was appended. The call never waits. Entries that were
-    /// overwritten before they could be read are left out; the [number](SharedLogEntry::number) shows how many.
+    /// Returns the next entry; `None` if no other one was appended, or if entries are overwritten faster than they can be
+    /// read. The call never waits. Entries that were overwritten before they could be read are left out; the
+    /// [number](SharedLogEntry::number) shows how many.
     ///
     /// # Errors
     /// [`SharedLogError::NoLog`] if the memory is used for something else, [`SharedLogError::Access`] if it cannot be
@@ -153,7 +163,7 @@ impl<W: MemoryWindow> SharedLogReader<W> {
             }
             self.entries.check()?;
             if count.wrapping_sub(self.next) > self.entries.capacity {
-                self.next = count.saturating_sub(self.entries.capacity);
+                self.next = count.wrapping_sub(self.entries.capacity);
             }
             let number = self.next;
             self.next = number.wrapping_add(1);
@@ -175,7 +185,7 @@ pub struct SharedLogEntry {
 }
 
 impl SharedLogEntry {
-    /// Returns the processor that appended it.
+    /// Returns the processor that appended it, as it says. Another program may have written any number.
     #[must_use]
     pub const fn processor(&self) -> Processor {
         Processor(self.head.processor)
@@ -193,7 +203,7 @@ impl SharedLogEntry {
         let bytes = self
             .text
             .get(..usize::from(self.head.len))
-            .unwrap_or(&self.text);
+            .unwrap_or_default();
         str::from_utf8(bytes).unwrap_or_else(|error| {
             let valid = bytes.get(..error.valid_up_to()).unwrap_or_default();
             str::from_utf8(valid).unwrap_or_default()
@@ -221,24 +231,25 @@ pub enum SharedLogError {
     Lock(#[from] SpinLockError),
     /// The memory is used for something else.
     #[error(
-        "the shared memory holds no log of version 1: it begins with {:#010x}, {:#010x}; leave its beginning to the log, \
-         and place what programs keep there behind it",
+        "the memory of the log holds something else: {:#010x}, {:#010x}, {} where `CLOG`, version 1 and the number of \
+         entries should be; leave its beginning to the log, and place what programs keep there behind it",
         .found[0],
-        .found[1]
+        .found[1],
+        .found[2]
     )]
     NoLog {
-        /// The words that were found where a log has `CLOG` and its version.
-        found: [u32; 2],
+        /// The words that were found where a log has `CLOG`, its version and the number of its entries.
+        found: [u32; 3],
     },
     /// The memory could not be accessed.
     #[error("cannot access the shared log: {0}")]
     Access(#[from] AccessError),
 }
 
-/// The first words of a log: its name and its version.
-const KIND: [u32; 2] = [u32::from_le_bytes(*b"CLOG"), 1];
+const CLOG: u32 = u32::from_le_bytes(*b"CLOG");
 const VERSION: u32 = 4;
-const COUNT: u32 = 8;
+const CAPACITY: u32 = 8;
+const COUNT: u32 = 12;
 const HEAD_BYTES: u32 = size_of::<Head>() as u32;
 const ENTRY_BYTES: u32 = HEAD_BYTES + SharedLog::TEXT_BYTES as u32;
 
@@ -251,6 +262,11 @@ struct Head {
     len: u8,
     unused: [u8; 2],
     ns: u64,
+}
+
+/// The mark of a complete entry, which is never 0.
+const fn mark_of(number: u32) -> u32 {
+    number << 1 | 1
 }
 
 /// The shared words of a log that is known to lie inside its memory.
@@ -273,15 +289,29 @@ impl<W: MemoryWindow> Entries<W> {
         Ok(Self { memory, capacity })
     }
 
-    fn kind(&self) -> Result<[u32; 2], AccessError> {
-        Ok([self.memory.word(0)?, self.memory.word(VERSION)?])
+    fn kind(&self) -> Result<[u32; 3], AccessError> {
+        Ok([
+            self.memory.word(0)?,
+            self.memory.word(VERSION)?,
+            self.memory.word(CAPACITY)?,
+        ])
     }
 
     /// Checks that the memory holds a log.
     fn check(&self) -> Result<(), SharedLogError> {
+        let found = self.kind()?;
+        if found == [CLOG, 1, self.capacity] {
+            return Ok(());
+        }
+        Err(SharedLogError::NoLog { found })
+    }
+
+    /// Checks that the memory holds a log, or nothing.
+    fn check_or_new(&self) -> Result<(), SharedLogError> {
         match self.kind()? {
-            KIND => Ok(()),
-            found => Err(SharedLogError::NoLog { found }),
+            // A processor may have died in the middle, or be there just now.
+            [0, 0 | 1, capacity] if capacity == 0 || capacity == self.capacity => Ok(()),
+            _ => self.check(),
         }
     }
 
@@ -293,14 +323,16 @@ impl<W: MemoryWindow> Entries<W> {
 
     /// Appends an entry; only the owner of the lock may.
     fn append(&self, me: LockOwner, at: Instant, text: &str) -> Result<u32, SharedLogError> {
-        let number = self.memory.word(COUNT)?;
-        if self.kind()? == [0; 2] {
-            self.memory.set_word(VERSION, KIND[1])?;
-            self.memory.set_word(0, KIND[0])?;
+        self.check_or_new()?;
+        if self.check().is_err() {
+            for (offset, word) in [(VERSION, 1), (CAPACITY, self.capacity), (0, CLOG)] {
+                self.memory.set_word(offset, word)?;
+            }
         }
-        self.check()?;
-        let text = text.as_bytes();
-        let text = text.get(..SharedLog::TEXT_BYTES).unwrap_or(text);
+        let number = self.memory.word(COUNT)?;
+        let mut ends = (0..=text.len().min(SharedLog::TEXT_BYTES)).rev();
+        let end = ends.find(|end| text.is_char_boundary(*end));
+        let text = text.as_bytes().get(..end.unwrap_or(0)).unwrap_or_default();
         let head = Head {
             mark: 0,
             processor: me.processor().map_or(u8::MAX, |it| it.0),
@@ -316,21 +348,21 @@ impl<W: MemoryWindow> Entries<W> {
         self.memory.set(Offset::at(place), &head)?;
         self.memory.write(place.wrapping_add(HEAD_BYTES), text)?;
         // Pairs with the reader's first look at the mark.
-        let next = number.wrapping_add(1);
-        self.memory.set_word(place, next)?;
+        self.memory.set_word(place, mark_of(number))?;
         // Pairs with the reader's look at the count.
-        self.memory.set_word(COUNT, next)?;
+        self.memory.set_word(COUNT, number.wrapping_add(1))?;
         Ok(number)
     }
 
     /// Returns an entry; `None` if it was overwritten.
     fn read(&self, number: u32) -> Result<Option<SharedLogEntry>, AccessError> {
-        let (place, mark) = (self.offset(number), number.wrapping_add(1));
+        let (place, mark) = (self.offset(number), mark_of(number));
         // Pairs with the store of the mark: the whole entry is there.
         if self.memory.word(place)? != mark {
             return Ok(None);
         }
-        let head: Head = self.memory.get(Offset::at(place))?;
+        let mut head: Head = self.memory.get(Offset::at(place))?;
+        head.len = head.len.min(SharedLog::TEXT_BYTES as u8);
         let mut text = [0; SharedLog::TEXT_BYTES];
         if let Some(text) = text.get_mut(..usize::from(head.len)) {
             self.memory.read(place.wrapping_add(HEAD_BYTES), text)?;

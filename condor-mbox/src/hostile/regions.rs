@@ -266,8 +266,8 @@ fn operate(window: &Noisy, region: &Region<Noisy>, script: &mut Script<'_>) {
         }
         6 => {
             let lock = NativeSwap::new(region, place);
-            let log = region.part(offset(script), offset(script));
-            if let (Ok(lock), Ok(memory)) = (lock, log) {
+            let len = 192 + 4 * u32::from(script.byte());
+            if let (Ok(lock), Ok(memory)) = (lock, region.part(offset(script), len)) {
                 append(window, SpinLock::new(lock), &memory, script);
             }
         }
@@ -291,25 +291,23 @@ fn append<L: TestAndSet>(
     memory: &Region<Noisy>,
     script: &mut Script<'_>,
 ) {
-    let (log, reader) = (
-        SharedLog::new(memory.clone(), lock),
-        SharedLogReader::new(memory.clone()),
-    );
-    let (Ok(log), Ok(mut reader)) = (log, reader) else {
-        assert!(memory.size() < 192);
-        return;
-    };
+    const TEXT: &str = "ä line that is longer than an entry of a log, which keeps the beginning of it that has room: \
+                        not more than one hundred and twelve bytes";
+    let log = SharedLog::new(memory.clone(), lock).expect("it has room");
+    let mut reader = SharedLogReader::new(memory.clone()).expect("it has room");
     for _ in 0..4 {
         window.now();
         let me = owner(script.byte() % PROCESSORS);
-        let _ = log.try_append(
-            me,
-            &Known,
-            Instant::from_ns(script.word().into()),
-            "appended",
-        );
-        if let Ok(Some(entry)) = reader.next_entry() {
-            assert!(entry.text().len() <= SharedLog::TEXT_BYTES);
+        let text = TEXT.get(..usize::from(script.byte())).unwrap_or(TEXT);
+        // Another processor may have made something else of the log.
+        let _ = log.try_append(me, &Known, window, text);
+        window.now();
+        while let Ok(Some(entry)) = reader.next_entry() {
+            window.now();
+            // A hostile writer can make entries as long as it likes to.
+            if entry.text().len() < 8 || script.is_over() {
+                break;
+            }
         }
     }
 }
@@ -354,6 +352,19 @@ fn heals(window: &Noisy, region: &Region<Noisy>) {
     }
     let subscriber = cell.subscriber(region).expect("inside");
     assert_eq!(subscriber.read().expect("three publications").value, [3; 5]);
+    window.now();
+    let memory = region.part(256, 192).expect("inside");
+    for word in (0..192).step_by(4) {
+        memory.set_word(word, 0).expect("inside");
+    }
+    region.set_word(0, 0).expect("inside");
+    let lock = SpinLock::new(NativeSwap::new(region, 0).expect("inside"));
+    let log = SharedLog::new(memory.clone(), lock).expect("it has room");
+    let mut reader = SharedLogReader::new(memory).expect("it has room");
+    log.try_append(owner(0), &Known, window, "healed")
+        .expect("a free lock");
+    let entry = reader.next_entry().expect("a log");
+    assert_eq!(entry.expect("an entry").text(), "healed");
     window.now();
     let at = 256;
     for word in (at..at + Bakery::bytes(PROCESSORS) as u32).step_by(4) {

@@ -1,20 +1,24 @@
 //! [`Peek`]: the variables of a program by their names in its debug information, while it runs.
 
-use std::fs::{File, read_link};
+use std::fs::{self, File, read_link};
+use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::FileExt as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use condor_debug::gateway::Debuggee;
 use condor_debug::names::{self, Names, Number};
 use condor_mbox::linux::LinuxWindow;
-use condor_platform::linux::{read_regular, read_text};
+use condor_platform::linux::read_regular;
 
-use condor_host::control::{Member, SystemStatus};
+use condor_host::control::{ControlClient, Member, SystemStatus};
 use condor_host::error::{AnyError, NamedFileError};
 use condor_host::extension::Extension;
 use condor_host::paths::beside;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
+
+/// The kind of the value in the auxiliary vector of a process that is the address at which its program begins.
+const AT_ENTRY: usize = 9;
 
 /// The program of a processor, for a debugger; `None` if it is a process of this machine.
 pub(crate) fn debuggee(
@@ -40,11 +44,11 @@ pub(crate) struct Peek {
 
 enum Memory {
     Hart(Debuggee<LinuxWindow>),
-    /// The memory of a process, whose addresses are by `bias` above those of its file. The file begins at `first`.
+    /// The memory of a process, whose addresses are by `bias` above those of its file. The program begins at `entry`.
     Process {
         memory: File,
         bias: u64,
-        first: u64,
+        entry: u64,
     },
 }
 
@@ -65,23 +69,25 @@ impl Peek {
         member: &Member,
         view: &View,
     ) -> Result<Self, AnyError> {
-        let debuggee = debuggee(extensions, directory, member, view)?;
-        let path = match (&debuggee, member.pid) {
-            (Some(_), _) => beside(status.file.as_ref(), &member.program),
-            (None, Some(pid)) => format!("/proc/{pid}/exe").into(),
-            (None, None) => {
-                let name = &member.name;
-                return Err(format!(
-                    "the program of {name} does not run; `start {name}` starts it"
-                )
-                .into());
-            }
-        };
-        let file = read_regular(&path).map_err(NamedFileError::at("read", &path))?;
-        let memory = match (debuggee, member.pid) {
-            (Some(debuggee), _) => Memory::Hart(debuggee),
-            (None, pid) => process(&path, &file, pid.unwrap_or_default())?,
-        };
+        if let Some(debuggee) = debuggee(extensions, directory, member, view)? {
+            let path = beside(status.file.as_ref(), &member.program);
+            let file = read_regular(&path).map_err(NamedFileError::at("read", &path))?;
+            let memory = Memory::Hart(debuggee);
+            return Ok(Self { memory, path, file });
+        }
+        let name = &member.name;
+        let process = member.pid.map(ProcessFiles::open).transpose()?;
+        let process = process.ok_or_else(|| {
+            format!("the program of {name} does not run; `start {name}` starts it")
+        })?;
+        let now = ControlClient::connect(directory)?.status()?;
+        if now.processor(name)?.pid != Some(process.pid) {
+            return Err(format!("the program of {name} has just ended; try again").into());
+        }
+        let link = process.path("exe");
+        let path = read_link(&link).map_err(NamedFileError::at("read", &link))?;
+        let file = read_regular(&link).map_err(NamedFileError::at("read", &path))?;
+        let memory = process.memory(&file)?;
         Ok(Self { memory, path, file })
     }
 
@@ -95,7 +101,7 @@ impl Peek {
     pub(crate) fn is_there(&self) -> bool {
         match &self.memory {
             Memory::Hart(_) => true,
-            Memory::Process { first, .. } => self.read(*first, 1).is_some(),
+            Memory::Process { entry, .. } => self.read(*entry, 1).is_some(),
         }
     }
 
@@ -141,36 +147,53 @@ impl Peek {
     }
 }
 
-/// Opens the memory of a process that runs the program `file`, which is at `path`.
-fn process(path: &Path, file: &[u8], pid: u32) -> Result<Memory, AnyError> {
-    let first = names::first_address(file)?;
-    let maps = PathBuf::from(format!("/proc/{pid}/maps"));
-    let text = read_text(&maps).map_err(NamedFileError::at("read", &maps))?;
-    let program = read_link(path).map_err(NamedFileError::at("read", path))?;
-    let start = (text.lines()).find_map(|line| start_of(line, &program.to_string_lossy()));
-    let start = start.ok_or_else(|| format!("{} has no program yet", maps.display()))?;
-    let path = PathBuf::from(format!("/proc/{pid}/mem"));
-    let memory = File::options().read(true).write(true).open(&path);
-    let memory = memory.map_err(|error| {
-        let path = path.display();
-        format!(
-            "cannot open {path}: {error}; as for GDB, be root or set kernel.yama.ptrace_scope to 0"
-        )
-    })?;
-    let bias = start.wrapping_sub(first);
-    Ok(Memory::Process {
-        memory,
-        bias,
-        first,
-    })
+/// A process whose program is read. It is not mistaken for another one that gets its number later.
+struct ProcessFiles {
+    pid: u32,
+    directory: File,
 }
 
-/// Returns where a line of `/proc/PID/maps` says that the beginning of the file `program` lies.
-fn start_of(line: &str, program: &str) -> Option<u64> {
-    let mut words = line.splitn(6, ' ');
-    let (start, _) = words.next()?.split_once('-')?;
-    let offset = words.nth(1)?;
-    let is_program = words.nth(2)?.trim_start() == program;
-    let is_beginning = u64::from_str_radix(offset, 16) == Ok(0);
-    (is_program && is_beginning).then_some(u64::from_str_radix(start, 16).ok()?)
+impl ProcessFiles {
+    fn open(pid: u32) -> Result<Self, AnyError> {
+        let path = PathBuf::from(format!("/proc/{pid}"));
+        let directory = File::open(&path).map_err(NamedFileError::at("open", &path))?;
+        Ok(Self { pid, directory })
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        format!("/proc/self/fd/{}/{name}", self.directory.as_raw_fd()).into()
+    }
+
+    /// Opens the memory, in which the program `file` lies.
+    fn memory(&self, file: &[u8]) -> Result<Memory, AnyError> {
+        let entry = names::entry(file)?;
+        let pid = self.pid;
+        let vector = fs::read(self.path("auxv"));
+        let vector = vector.map_err(NamedFileError::at("read", format!("/proc/{pid}/auxv")))?;
+        let words: Vec<_> = vector
+            .as_chunks()
+            .0
+            .iter()
+            .map(|it| usize::from_ne_bytes(*it))
+            .collect();
+        let mut pairs = words.as_chunks().0.iter();
+        let loaded = pairs.find_map(|[kind, value]| (*kind == AT_ENTRY).then_some(*value as u64));
+        let loaded = loaded.ok_or_else(|| format!("process {pid} has no program yet"))?;
+        let memory = File::options()
+            .read(true)
+            .write(true)
+            .open(self.path("mem"));
+        let memory = memory.map_err(|error| {
+            format!(
+                "cannot open the memory of process {pid}: {error}; as for GDB, be root or set \
+                 kernel.yama.ptrace_scope to 0"
+            )
+        })?;
+        let bias = loaded.wrapping_sub(entry);
+        Ok(Memory::Process {
+            memory,
+            bias,
+            entry,
+        })
+    }
 }

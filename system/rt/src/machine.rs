@@ -94,14 +94,15 @@ pub trait Machine: Sync {
     /// Returns the memory that belongs to no processor and that all processors and the host can
     /// access; `None` if the system has none.
     ///
-    /// The memory consists of zeros when the system begins, and keeps its contents when a program is restarted. The
-    /// programs agree among themselves on the offsets in it.
+    /// The memory consists of zeros when the system begins, and keeps its contents when a program is restarted. If
+    /// programs [log](crate::Background::log), its first [`BYTES`](crate::shared_log::BYTES) are for the log. Otherwise
+    /// the programs agree among themselves on the offsets in it.
     fn shared_memory(&self) -> Option<Region<Self::Window>> {
         None
     }
 
     /// Returns the lock at `offset` bytes of `memory`, for a [`SpinLock`](mbox::SpinLock) that protects a structure of
-    /// several processors there. All processors must agree on the offset. The lock takes 2048 bytes at most.
+    /// several processors there. All processors must agree on the offset. The lock takes 2112 bytes at most.
     ///
     /// # For implementers
     ///

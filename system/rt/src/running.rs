@@ -169,7 +169,8 @@ impl<'b, M: Machine> Background<'b, M> {
 
     /// Appends a line to the log of the system, with the name of this processor and the time. All processors append to
     /// it, processes and harts alike; `condor log --shared` shows it. Of a text longer than
-    /// [`TEXT_BYTES`](condor_mbox::SharedLog::TEXT_BYTES) the beginning is kept. The call waits for 100 ms at most.
+    /// [`TEXT_BYTES`](condor_mbox::SharedLog::TEXT_BYTES) the beginning is kept. The call waits for 100 ms at most; meanwhile
+    /// messages are not served where no interrupt serves them.
     ///
     /// The log lies in the memory that belongs to no processor, at its [beginning](crate::shared_log::BYTES).
     ///

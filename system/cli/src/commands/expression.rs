@@ -99,8 +99,16 @@ impl Print {
             } in &requests
             {
                 let bytes = peek.read(value.address, value.bytes);
-                let bytes = bytes
-                    .ok_or_else(|| format!("{expression} is not in the memory of the processor"))?;
+                let bytes = bytes.ok_or_else(|| {
+                    if peek.is_there() {
+                        format!("{expression} is not in the memory of the processor")
+                    } else {
+                        format!(
+                            "the program of {} has ended; run the command again",
+                            member.name
+                        )
+                    }
+                })?;
                 let value = value.text(&bytes);
                 if self.how.json {
                     print_json(&PrintedValue { expression, value })?;

@@ -1,6 +1,5 @@
 //! `condor log`.
 
-use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
@@ -11,6 +10,7 @@ use condor_host::error::AnyError;
 use condor_host::plain::{plain, plain_json};
 use condor_host::signals;
 use condor_host::system::{self, SystemDirectory};
+use condor_mbox::MemoryWindow as _;
 use condor_mbox::shared_log::SharedLogEntry;
 use condor_rt::shared_log;
 use serde_json::json;
@@ -75,17 +75,27 @@ impl Log {
                 "`{system}` has no log of its programs: its description has no `[shared_memory]`"
             )
         })?;
-        let mut reader = shared_log::reader(&memory.window()?)?;
-        let mut last = VecDeque::new();
-        while let Some(entry) = reader.next_entry()? {
-            last.push_back(entry);
-            if last.len() > self.lines {
-                last.pop_front();
-            }
+        let memory = memory.window()?;
+        let Ok(mut reader) = shared_log::reader(&memory) else {
+            let (system, bytes) = (&status.system, shared_log::BYTES);
+            return Err(format!(
+                "`{system}` has no room for a log of its programs: `bytes` of `[shared_memory]` in its description must \
+                 be at least {bytes}, not {}",
+                memory.size()
+            )
+            .into());
+        };
+        let mut earlier = Vec::new();
+        // Others may append all the while.
+        while earlier.len() < shared_log::LINES as usize
+            && let Some(entry) = reader.next_entry()?
+        {
+            earlier.push(entry);
         }
         let mut next = None;
-        for entry in last {
-            self.show_entry(&status, &entry, &mut next)?;
+        let left_out = earlier.len().saturating_sub(self.lines);
+        for entry in earlier.iter().skip(left_out) {
+            self.show_entry(&status, entry, &mut next)?;
         }
         let end = signals::flag()?;
         while self.follow && !end.load(Ordering::Relaxed) {
@@ -115,7 +125,8 @@ impl Log {
             println!("{}", plain_json(&line)?);
             return Ok(());
         }
-        if missing > 0 {
+        // A log that was cleared begins anew.
+        if (1..=u32::MAX >> 1).contains(&missing) {
             println!("{:>14}  {missing} lines were overwritten", "...");
         }
         let seconds = Duration::from_nanos(ns).as_secs_f64();

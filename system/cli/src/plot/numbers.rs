@@ -22,8 +22,8 @@ pub(super) struct Numbers<'v> {
     view: &'v View,
     /// The programs that were asked for, by the numbers of their processors.
     programs: Vec<(u8, Peek)>,
-    /// Each with the place of its program, and its expression.
-    found: Vec<(usize, NumberAt, String)>,
+    /// Each with the place of its program, its place in that program if it has it, and its expression.
+    found: Vec<(usize, Option<NumberAt>, String)>,
     next: Instant,
     next_look: Instant,
 }
@@ -65,7 +65,7 @@ impl<'v> Numbers<'v> {
         let (_, peek) = self.programs.get(place)?;
         Some(match peek.number(expression) {
             Ok(number) => {
-                self.found.push((place, number, expression.into()));
+                self.found.push((place, Some(number), expression.into()));
                 Ok(Variable {
                     processor: member.name.clone(),
                     owner: String::new(),
@@ -87,8 +87,10 @@ impl<'v> Numbers<'v> {
         self.next = now + PERIOD;
         if now >= self.next_look {
             self.next_look = now + LOOK;
-            // As long as a program does not run again, its numbers are none.
-            let _ = self.follow_restarts();
+            for place in 0..self.programs.len() {
+                // As long as a program does not run again, it has no numbers.
+                let _ = self.follow_restart(place);
+            }
         }
         let samples = self
             .found
@@ -96,7 +98,8 @@ impl<'v> Numbers<'v> {
             .zip(first..)
             .map(|((place, number, _), curve)| {
                 let program = self.programs.get(*place);
-                let value = program.map_or(f64::NAN, |(_, peek)| peek.value(*number));
+                let value = program.zip(*number);
+                let value = value.map_or(f64::NAN, |((_, peek), number)| peek.value(number));
                 Sample {
                     curve,
                     at_ns,
@@ -106,18 +109,19 @@ impl<'v> Numbers<'v> {
         samples.collect()
     }
 
-    /// Opens programs again that were restarted, perhaps as other programs.
-    fn follow_restarts(&mut self) -> Result<(), AnyError> {
-        for (place, (number, peek)) in self.programs.iter_mut().enumerate() {
-            if peek.is_there() {
-                continue;
-            }
-            let status = ControlClient::connect(self.directory)?.status()?;
-            let member = status.processor(&number.to_string())?;
-            *peek = Peek::open(self.extensions, self.directory, &status, member, self.view)?;
-            for (_, at, expression) in self.found.iter_mut().filter(|it| it.0 == place) {
-                *at = peek.number(expression)?;
-            }
+    /// Opens a program of a process again after its end, perhaps another one.
+    fn follow_restart(&mut self, place: usize) -> Result<(), AnyError> {
+        let Some((number, peek)) = self.programs.get_mut(place) else {
+            return Ok(());
+        };
+        if peek.is_there() {
+            return Ok(());
+        }
+        let status = ControlClient::connect(self.directory)?.status()?;
+        let member = status.processor(&number.to_string())?;
+        *peek = Peek::open(self.extensions, self.directory, &status, member, self.view)?;
+        for (_, at, expression) in self.found.iter_mut().filter(|it| it.0 == place) {
+            *at = peek.number(expression).ok();
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use gimli::{
     DW_AT_upper_bound, DebugInfoOffset, Dwarf, EndianSlice, LittleEndian, Operation, Unit,
     UnitOffset, UnitSectionOffset,
 };
-use object::{Object as _, ObjectSection as _, ObjectSegment as _};
+use object::{Object as _, ObjectSection as _};
 
 type Slice<'f> = EndianSlice<'f, LittleEndian>;
 type Entry<'f> = gimli::DebuggingInformationEntry<Slice<'f>>;
@@ -125,13 +125,10 @@ impl core::fmt::Debug for Debug<'_> {
     }
 }
 
-/// Returns the address of the first byte of a program's file, as the file counts addresses.
-pub(super) fn first_address(file: &[u8]) -> Result<u64, String> {
+/// Returns the address at which a program begins, as its file counts addresses.
+pub(super) fn entry(file: &[u8]) -> Result<u64, String> {
     let object = object::File::parse(file).map_err(|error| error.to_string())?;
-    let mut segments = object.segments();
-    let first = segments.find(|it| it.file_range().0 == 0);
-    let first = first.ok_or("no segment has the beginning of the file")?;
-    Ok(first.address())
+    Ok(object.entry())
 }
 
 impl<'f> Debug<'f> {

@@ -88,13 +88,13 @@ impl core::fmt::Display for NameParts<'_> {
     }
 }
 
-/// Returns the address that the first byte of a program's file has in that file. A loader that places the program
+/// Returns the address at which a program begins, as its file counts addresses. A loader that places the program
 /// elsewhere moves all addresses by the same distance. `file` has all bytes of the program's ELF file.
 ///
 /// # Errors
 /// [`NamesError::NoInformation`] if the file is not an ELF file, or is damaged.
-pub fn first_address(file: &[u8]) -> Result<u64, NamesError> {
-    dwarf::first_address(file).map_err(NamesError::NoInformation)
+pub fn entry(file: &[u8]) -> Result<u64, NamesError> {
+    dwarf::entry(file).map_err(NamesError::NoInformation)
 }
 
 /// The debug information of a program, in which [`find`](Self::find) looks up static variables by

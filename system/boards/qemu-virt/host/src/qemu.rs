@@ -58,7 +58,11 @@ impl Qemu {
             quoted(memory.path())
         ));
         arguments.extend(["-m".into(), format!("size={}M", bytes >> 20)]);
-        arguments.extend(["-smp".into(), memory.map().harts().to_string()]);
+        // For a machine that can never have a second hart, QEMU makes atomic instructions of plain ones, which are not
+        // atomic for processes of the host.
+        let harts = memory.map().harts();
+        let smp = format!("cpus={harts},maxcpus={}", harts.max(2));
+        arguments.extend(["-smp".into(), smp]);
         arguments.push("-kernel".into());
         arguments.push(self.monitor.to_string_lossy().into_owned());
         arguments.extend_from_slice(&self.options);
