@@ -114,7 +114,7 @@ impl<W: MemoryWindow, L: TestAndSet> SharedLog<W, L> {
         clock: &impl Clock,
         text: &str,
     ) -> Result<u32, SharedLogError> {
-        // What is no log has perhaps no lock, either.
+        // Memory that is used for something else may have no lock, and is left as it is.
         self.entries.check_or_new()?;
         let guard = match self.lock.try_lock(me, incarnations) {
             // The entry that it began is not counted yet, so nothing is to be repaired.
