@@ -102,7 +102,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("words", "rules for docs, comments, READMEs, help and error texts", words::run),
     Part::new("docs", "rustdoc without warnings", docs::run),
     Part::new("lint", "clippy over all targets, in every workspace", lint::run),
-    Part::new("features", "each feature, and each two, with the oldest toolchain", features::run),
+    Part::new("features", "each feature (with `--whole` each two), with the oldest toolchain", features::run),
     Part::new("no-std", "the libraries, built for bare-metal targets", no_std::run),
     Part::new("suites", "fsx and pjdfstest over condor-fs, while its server is killed", suites::run),
     Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up, and beside the hand", full_disk::run),

@@ -14,7 +14,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     };
     check("licenses bans sources")?;
     // A machine without a network cannot know of advisories, which says nothing about the crates.
-    if let Err(problem) = context.command("cargo deny fetch db").run() {
+    let fetch = context.command("timeout 30 cargo deny fetch db");
+    if let Err(problem) = fetch.run() {
         return Ok(Summary::of("licenses, bans, sources")
             .leaving_out(format!("ADVISORIES, no database: {problem}")));
     }

@@ -1,5 +1,5 @@
-//! Each feature and each two: a mistake between features shows with two of them, or with all, which `lint` looks at.
-//! The same builds show that the oldest toolchain suffices: the MSRV is written once, as `rust-version` of
+//! Each feature, and with `--whole` each two: a mistake between features shows with two of them, or with all, which
+//! `lint` looks at. The same builds show that the oldest toolchain suffices: the MSRV is written once, as `rust-version` of
 //! the root manifest.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -45,7 +45,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         if PROGRAMS.contains(&name) {
             continue;
         }
-        for set in combined(&features(package)) {
+        for set in combined(&features(package), context.options.whole) {
             let set: Vec<_> = set.into_iter().collect();
             let set = set.join(",");
             check(&format!("-p {name} --no-default-features --features={set}")).run()?;
@@ -55,7 +55,12 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     if combinations == 0 {
         return Err("nothing was checked: no package has features".into());
     }
-    let summary = Summary::of(format!("{combinations} combinations, Rust {msrv}"));
+    let pairs = if context.options.whole {
+        ", with all pairs"
+    } else {
+        ""
+    };
+    let summary = Summary::of(format!("{combinations} combinations{pairs}, Rust {msrv}"));
     Ok(match left_out {
         Some(what) => summary.leaving_out(what),
         None => summary,
@@ -93,13 +98,14 @@ fn features(package: &Value) -> Features {
     names.map(|name| (name.clone(), enabled(name))).collect()
 }
 
-/// Returns no feature, each and each two except [`ALONE`], as the sets that they enable: every set once.
-fn combined(features: &Features) -> BTreeSet<BTreeSet<String>> {
+/// Returns no feature, each, and if it is wished for each two except [`ALONE`], as the sets that they enable: every set
+/// once.
+fn combined(features: &Features, pairs: bool) -> BTreeSet<BTreeSet<String>> {
     let mut sets = BTreeSet::from([BTreeSet::new()]);
     for (first, enabled) in features {
         sets.insert(enabled.clone());
         for (second, others) in features {
-            if first != ALONE && second != ALONE {
+            if pairs && first != ALONE && second != ALONE {
                 sets.insert(enabled | others);
             }
         }
@@ -118,13 +124,15 @@ mod tests {
         let package = json!({"features": {
             "default": [], "a": [], "b": ["a", "dep:c"], "c": ["other/b"], "d": [], "hostile": ["a"],
         }});
-        let sets = combined(&features(&package));
-        let sets: Vec<String> = sets
-            .into_iter()
-            .map(|set| set.into_iter().collect())
-            .collect();
+        let sets = |pairs| -> Vec<String> {
+            let sets = combined(&features(&package), pairs);
+            sets.into_iter()
+                .map(|set| set.into_iter().collect())
+                .collect()
+        };
+        assert_eq!(sets(false), ["", "a", "ab", "ahostile", "c", "d"]);
         assert_eq!(
-            sets,
+            sets(true),
             [
                 "", "a", "ab", "abc", "abd", "ac", "ad", "ahostile", "c", "cd", "d"
             ]
