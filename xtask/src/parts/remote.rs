@@ -15,12 +15,13 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         command.sharing_target()
     };
     let motions = if context.options.whole { "2000" } else { "40" };
+    // Programs and tests in one build: built alone, programs would have dependencies with other features.
+    command("cargo build --workspace --bins --tests").run()?;
     let tests = command("cargo test --workspace --lib --bins --test access");
     let passed = tests_run::count(&tests)?;
     let python = need_python(context, "target/remote", "eclipse-zenoh==1.10.2")?;
     // Network namespaces, and links that fail.
     need_debian(context, "iproute2", "tc")?;
-    command("cargo build --workspace --bins").run()?;
     command("cargo test --workspace --test remote")
         .env(
             "CONDOR_REMOTE_PYTHON",
