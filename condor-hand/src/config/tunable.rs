@@ -152,12 +152,12 @@ impl<const J: usize> Joint<J> {
                 JointNumber::FlexorCutoff | JointNumber::ExtensorCutoff => {
                     cutoff_range(value, LOWER_CUTOFF, rate_hz)
                 }
-                JointNumber::FlexorSlack | JointNumber::FlexorBreak => {
-                    self.flexor.range(key.trim_start_matches("flexor."))
-                }
-                JointNumber::ExtensorSlack | JointNumber::ExtensorBreak => {
-                    self.extensor.range(key.trim_start_matches("extensor."))
-                }
+                JointNumber::FlexorSlack | JointNumber::FlexorBreak => self
+                    .flexor
+                    .range(key.strip_prefix("flexor.").unwrap_or(key)),
+                JointNumber::ExtensorSlack | JointNumber::ExtensorBreak => self
+                    .extensor
+                    .range(key.strip_prefix("extensor.").unwrap_or(key)),
             };
             Some([min(least, value), max(greatest, value)])
         })

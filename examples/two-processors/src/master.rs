@@ -52,9 +52,7 @@ fn lead<M: Machine>(background: &Background<'_, M>) -> Result<(), ProgramError> 
             Ok(at) => background.print(format_args!("{} -> {angle}\r\n", at as i32)),
             Err(error) => background.print(format_args!("{error}\r\n")),
         }
-        if let Err(error) = background.log(format_args!("sends the joint to {angle} mrad")) {
-            background.print(format_args!("{error}\r\n"));
-        }
+        background.log(format_args!("sends the joint to {angle} mrad"))?;
     }
     Ok(())
 }

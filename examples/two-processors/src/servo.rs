@@ -1,7 +1,6 @@
 //! The servo: holds the joint where it was told to, with a motor driver and an angle sensor on I2C.
 
 use core::f32::consts::TAU;
-use core::mem;
 use core::sync::atomic::{AtomicI32, Ordering::Relaxed};
 use core::time::Duration;
 
@@ -17,7 +16,6 @@ use crate::{MOVE, WHERE};
 const HZ: u32 = 400;
 const LONGEST_PERIOD_NS: u64 = 5_000_000;
 const DAMPING_NM_S: f32 = 0.1;
-const LOOK: Duration = Duration::from_millis(20);
 
 device_switch! {
     struct Boards {
@@ -90,15 +88,14 @@ impl Program for Servo {
                 let log = stdio.open_file("servo.log", options, Buffering::Line)?;
                 let mut logged = 0;
                 while !background.is_stopping() {
-                    background.serve(LOOK)?;
+                    background.serve(Duration::from_millis(20))?;
                     while let Some(angle) = panel.angle(&mut stdio, place.load(Relaxed)) {
                         target.store(angle, Relaxed);
                     }
                     let (at, angle) = (place.load(Relaxed), target.load(Relaxed));
-                    if mem::replace(&mut logged, angle) != angle {
+                    if core::mem::replace(&mut logged, angle) != angle {
                         let noted = writeln!(stdio.stream(log)?, "from {at} to {angle} mrad");
-                        let shared =
-                            background.log(format_args!("turns from {at} to {angle} mrad"));
+                        let shared = background.log(format_args!("from {at} to {angle} mrad"));
                         if let Err(error) = noted.map_err(ProgramError::from).and(shared) {
                             background.print(format_args!("{error}\r\n"));
                         }

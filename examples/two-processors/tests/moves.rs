@@ -28,14 +28,10 @@ fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
             assert!((at - expected).abs() < 10, "{at} mrad");
             machine.work(500_000_000);
         }
-        let memory = machine.shared_memory().expect("shared memory");
-        let mut log = shared_log::reader(&memory)?;
-        let (sent, turned) = (log.next_entry()?.unwrap(), log.next_entry()?.unwrap());
-        assert_eq!(sent.text(), "sends the joint to 500 mrad");
-        assert_eq!(
-            (turned.processor(), turned.text()),
-            (SERVO, "turns from 0 to 500 mrad")
-        );
+        let mut log = shared_log::reader(&machine.shared_memory().expect("shared memory"))?;
+        for text in ["sends the joint to 500 mrad", "from 0 to 500 mrad"] {
+            assert_eq!(log.next_entry()?.expect("a line").text(), text);
+        }
         Ok::<_, ProgramError>(())
     })?;
     system.run_until(5_000_000_000)?;

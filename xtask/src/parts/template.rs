@@ -185,7 +185,7 @@ impl Project<'_> {
         let begun = Instant::now();
         loop {
             let log = self.ask(&["log", "--shared", "--system", system])?;
-            if ["master: sends the joint", "servo: turns from"]
+            if ["master: sends the joint", "servo: from"]
                 .iter()
                 .all(|line| log.contains(line))
             {
