@@ -5,13 +5,14 @@ use crate::parts::Summary;
 use crate::parts::loom;
 use crate::tools::{need_component, need_target};
 
-/// `features` compiles every combination of the libraries; here the tests and examples are looked at.
-/// No feature is on by default.
-const FEATURE_SETS: [&str; 2] = ["", "--all-features"];
+/// `features` compiles the libraries with each feature; here the tests and examples are looked at. No feature is on by
+/// default; that set is looked at with `--whole`.
+const FEATURE_SETS: [&str; 2] = ["--all-features", ""];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_component(context, None, "clippy")?;
-    for set in FEATURE_SETS {
+    let sets = if context.options.whole { 2 } else { 1 };
+    for set in FEATURE_SETS.iter().take(sets) {
         let line = format!("cargo clippy --workspace --all-targets {set} -- -D warnings");
         context.command(&line).run()?;
     }
@@ -42,8 +43,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         line.sharing_target().run()?;
     }
     Ok(Summary::of(format!(
-        "{} feature sets, loom models, {} groups of firmwares, {}",
-        FEATURE_SETS.len(),
+        "{sets} feature sets, loom models, {} groups of firmwares, {}",
         groups.len(),
         OTHER_WORKSPACES.join(", ")
     )))
