@@ -20,14 +20,14 @@ use crate::window::{AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErro
 ///
 /// # In shared memory
 ///
-/// The log has one line of 64 bytes, and behind it entries of 128 bytes, as many as have room and are a power of two.
+/// The log has one line of 64 bytes, and behind it entries of 128 bytes, as many as fit into the memory, rounded down to a power of two.
 /// All zeros is an empty log. Entry *n* is at index *n* modulo the number of entries:
 ///
 /// | bytes of the log | meaning |
 /// |---|---|
-/// | 0 to 3 | `CLOG`, as soon as there is an entry |
+/// | 0 to 3 | the letters `CLOG`; 0 until something is appended for the first time |
 /// | 4 to 7 | the version, 1 |
-/// | 8 to 11 | the number of entries that have room |
+/// | 8 to 11 | the number of entries for which the log has room |
 /// | 12 to 15 | the number of entries that were appended, modulo 2³² |
 ///
 /// | bytes of entry *n* | meaning |
@@ -273,7 +273,7 @@ const fn mark_of(number: u32) -> u32 {
 #[derive(Clone, Copy, Debug)]
 struct Entries<W> {
     memory: Region<W>,
-    /// The number of entries that have room: a power of two.
+    /// The number of entries for which there is room: a power of two.
     capacity: u32,
 }
 

@@ -304,7 +304,7 @@ fn append<L: TestAndSet>(
         window.now();
         while let Ok(Some(entry)) = reader.next_entry() {
             window.now();
-            // A hostile writer can make entries as long as it likes to.
+            // A hostile writer may append for ever, so the loop ends with the script.
             if entry.text().len() < 8 || script.is_over() {
                 break;
             }

@@ -124,7 +124,7 @@ impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
     type Doorbell = Bell;
     type Exclusion = SimCriticalSection;
     type Bus = B;
-    /// As if the processors had loads and stores alone: what works with it works with every form.
+    /// The lock of processors without compare-and-swap, so that programs are tested with it, too.
     type TestAndSet = Bakery<Region<LinuxWindow>, SimCriticalSection>;
     type Controller = BoardLines<LinuxWindow, Bell, Arc<LineState>>;
 
