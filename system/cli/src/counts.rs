@@ -290,6 +290,11 @@ pub(crate) fn table_of_vectors(rows: &[Row<VectorCounts>]) -> TextTable<7> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use condor_host::application::Programs;
+    use condor_host::description::SystemDescription;
+
     use super::*;
 
     #[test]
@@ -311,5 +316,42 @@ mod tests {
             servo            4000          2          3      1         0  without a driver: 140, 11; stuck: 128\n";
         assert_eq!(table, expected);
         assert_eq!(table_of_interrupts(&[]), "");
+    }
+
+    #[test]
+    fn loops_beyond_their_declarations_are_named() {
+        let keys = [
+            "name = \"tested\"\nwindow_bytes = 4096\n",
+            "[[processors]]\nnumber = 1\nname = \"a\"\nprogram = \"/bin/true\"\nservo_loops = [\n",
+            "{ name = \"servo\", hz = 400, worst_us = 300 }, { name = \"log\", hz = 1, worst_us = 100 }]\n",
+        ];
+        let file = Path::new("/x/tested.toml");
+        let described =
+            SystemDescription::from_toml(&keys.concat(), file, &Programs::default()).unwrap();
+        let row = |processor: &str, name: &str, rate_hz, worst_run_us| Row {
+            processor: processor.to_owned(),
+            counts: LoopRates {
+                name: name.into(),
+                rate_hz,
+                worst_run_us,
+                ..LoopRates::default()
+            },
+        };
+        let beyond = |rows: &[_]| beyond_declared(rows, &described.processors);
+        // Those of a program that does not run, and of a processor that declares nothing.
+        assert!(beyond(&[]).is_empty());
+        assert!(beyond(&[row("b", "servo", 1e6, Some(1e6))]).is_empty());
+        let [servo, log] = [
+            row("a", "servo", 400.0, Some(300.0)),
+            row("a", "log", 0.5, None),
+        ];
+        assert!(beyond(&[servo, log]).is_empty());
+        let found = beyond(&[row("a", "servo", 400.5, Some(300.2))]);
+        let expected = [
+            "a: `servo` is set to 400.5 Hz, but `servo_loops` declares 400 Hz",
+            "a: `servo` took 300.2 µs, but `servo_loops` declares 300 µs: correct `worst_us`, then `condor check`",
+            "a: its program has no loop `log`, which `servo_loops` declares",
+        ];
+        assert_eq!(found, expected);
     }
 }

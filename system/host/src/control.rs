@@ -51,6 +51,10 @@ pub enum ControlRequest {
     Restart {
         /// The name or the number of the processor or service.
         processor: String,
+        /// Whether the program, which must be a process, stops before it runs, and waits for a debugger. The answer comes
+        /// when it does so.
+        #[serde(default)]
+        held: bool,
     },
     /// Stops a processor, and starts it with another program.
     Load {
@@ -252,7 +256,7 @@ pub enum MemberState {
     Starting,
     /// The program has joined the mailbox system, and its heartbeat goes on.
     Running,
-    /// A debugger holds its program.
+    /// Its program has stopped as it is: a debugger holds it, or it waits for one.
     Held,
     /// The program has joined the mailbox system, but its heartbeat has stopped.
     Stalled,

@@ -23,6 +23,8 @@
 //! | `name` | its name in commands | |
 //! | `program` | `"self"` for a program of the running binary, or a file | |
 //! | `arguments` | the arguments of the program | `[]` |
+//! | `hold_exceptions` | whether a fatal error, such as a memory access that is not allowed, or a panic, stops the program as it is until a debugger comes, instead of ending it | `true` if a person uses the user interface, otherwise `false` |
+//! | `float_exceptions` | whether an invalid floating-point operation, a division by zero or an overflow in a servo loop is a fatal error | `false` |
 //! | `headless` | lines that are typed at its terminal when all programs run, in a run without user interface | `[]` |
 //! | `kind` | `"process"` of this machine, or the kind of an extension | `"process"` |
 //! | `loops` | the way in which servo loops run: in `"threads"`, in `"signals"` if the program allows it, or `"spin"` (see [`condor_rt::linux`]) | `"threads"` |
@@ -259,6 +261,11 @@ pub struct ProcessorEntry {
     pub loop_times_us: Vec<u32>,
     /// The servo loops that it declares.
     pub servo_loops: Vec<DeclaredLoop>,
+    /// Whether a fatal error of its program holds it for a debugger; `None` means that it does where a person uses
+    /// the user interface.
+    pub hold_exceptions: Option<bool>,
+    /// Whether a floating-point exception in a servo loop is a fatal error.
+    pub float_exceptions: bool,
     /// The number of seconds for which its heartbeat may stop before that is a failure; 0 means
     /// that it never is.
     pub stall_seconds: u32,

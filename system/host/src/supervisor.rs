@@ -33,7 +33,7 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
 use crate::control::server::Server;
-use crate::control::{DOWN, SystemStatus};
+use crate::control::{ClockStatus, DOWN, MemberState, SystemStatus};
 use crate::description::{ClockKind, OnFailure, SystemDescription};
 use crate::error::{AnyError, NamedFileError, me};
 use crate::services::terminals::{self, Script};
@@ -70,6 +70,9 @@ pub struct SupervisorOptions {
     pub own: Vec<&'static str>,
     /// Whether events are written to standard error, too.
     pub echo: bool,
+    /// Whether a person uses the user interface: then a fatal error holds a program for a debugger, unless the
+    /// description says otherwise.
+    pub attended: bool,
     /// The time after which the system is taken down, by the real or the simulated clock; `None`
     /// means never.
     pub duration: Option<Duration>,
@@ -182,7 +185,13 @@ pub fn run(
     let orders = Orders::new(description, claim.windows());
     let receive = |call: &Call<'_>| orders.receive(call);
     let mailbox = SupervisorMailbox::open(claim, page, &receive)?;
-    let members = plan::members(description, &place.directory, &furniture, &mailbox)?;
+    let members = plan::members(
+        description,
+        options.attended,
+        &place.directory,
+        &furniture,
+        &mailbox,
+    )?;
     let mut supervisor = Supervisor {
         description,
         options,
@@ -561,6 +570,17 @@ impl Supervisor<'_> {
         }
     }
 
+    /// The state of the clock; it waits for a program that is held as long as that has the turn.
+    fn clock_status(&self) -> Option<ClockStatus> {
+        let mut status = self.pace.status(&self.mailbox)?;
+        let is_held =
+            |it: &&Member| it.state() == MemberState::Held && self.mailbox.counts(it.plan.number);
+        if let Some(held) = self.members.iter().find(is_held) {
+            status.waits_for = format!("`{}`, which is held for a debugger", held.plan.name);
+        }
+        Some(status)
+    }
+
     fn status(&self) -> SystemStatus {
         let of = |services: bool| {
             let members = self.members.iter();
@@ -572,7 +592,7 @@ impl Supervisor<'_> {
             file: self.description.file.display().to_string(),
             window_bytes: self.description.window_bytes,
             shared_memory: self.shared.clone(),
-            clock: self.pace.status(&self.mailbox),
+            clock: self.clock_status(),
             files_root: self
                 .description
                 .files

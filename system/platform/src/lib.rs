@@ -7,6 +7,8 @@
     no_std
 )]
 
+mod float;
+
 #[cfg(all(feature = "linux", target_os = "linux"))]
 pub mod linux;
 
@@ -18,3 +20,5 @@ pub mod riscv;
 
 #[cfg(all(feature = "critical-section", not(target_os = "none")))]
 mod section;
+
+pub use float::FloatExceptions;

@@ -6,6 +6,7 @@ use condor_dev::OpenError;
 use condor_mbox::shared_log::SharedLogError;
 use condor_mbox::{AccessError, Vector};
 use condor_mos::{LoopError, RateError, StartError};
+use condor_platform::FloatExceptions;
 use condor_tty::TerminalError;
 use condor_vars::CatalogError;
 use embedded_io::WriteFmtError;
@@ -126,6 +127,15 @@ pub enum ProgramError {
     /// The log in the memory that belongs to no processor could not be appended to.
     #[error(transparent)]
     SharedLog(#[from] SharedLogError),
+    /// The arithmetic of a servo loop has raised floating-point exceptions, and the machine takes them for
+    /// [fatal](crate::Machine::is_float_exception_fatal).
+    #[error("the servo loop `{name}` has raised a floating-point exception: {exceptions}")]
+    FloatExceptions {
+        /// The name of the loop.
+        name: ShortText<32>,
+        /// The exceptions of one run of the loop.
+        exceptions: FloatExceptions,
+    },
     /// An error that only this program knows, as text; [`ProgramError::program`] makes it.
     #[error("{0}")]
     Program(ShortText<112>),

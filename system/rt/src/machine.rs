@@ -145,6 +145,19 @@ pub trait Machine: Sync {
     /// 100 ms.
     fn is_stopping(&self) -> bool;
 
+    /// Returns true if a floating-point exception that a servo loop has raised is fatal: a program that
+    /// [`Setup`](crate::Setup) runs looks after each run of a loop, and then [fails](Self::fail). The default returns false.
+    /// [`FloatExceptions`](condor_platform::FloatExceptions) says which exceptions count.
+    fn is_float_exception_fatal(&self) -> bool {
+        false
+    }
+
+    /// Ends the program at once because of a fatal error, of which its supervisor is told, or has it wait for a debugger.
+    /// It may be called where a loop runs. A machine that has no way to do this, such as the default, does nothing.
+    fn fail(&self, error: &ProgramError) {
+        let _ = error;
+    }
+
     /// Returns true if messages are served while the background computes: by the mailbox interrupt
     /// of a hart, or by a thread.
     fn mail_interrupts(&self) -> bool {

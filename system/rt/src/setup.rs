@@ -10,6 +10,7 @@ use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, AccessError, Clock as _, Doorbell as _, Instant, MemoryWindow};
 use condor_mbox::{Allocator, Messenger as _, Published, Region, Vector, Waiting};
 use condor_mos::{ClockSpec, LoopId, Loops, Overrun, Rate, Scan};
+use condor_platform::FloatExceptions;
 use condor_tty::{Terminal, TerminalVectors};
 use condor_vars::{Catalog, CellStruct, Respond, Tune, VARS, VariableSettings, Watch, describe};
 use heapless::Vec;
@@ -121,15 +122,21 @@ impl Loop<'_> {
         &mut self,
         mut sampler: Option<LoopSampler<'_, M>>,
         time: Nanoseconds,
+        machine: &M,
         messenger: &(dyn mbox::Messenger + Sync),
         screen: Option<&dyn Screen>,
     ) -> impl FnMut(u64) + Send {
-        let mut number = 0_u64;
+        let (mut number, name) = (0_u64, self.name);
+        let looks_at_floats = machine.is_float_exception_fatal();
         move |due| {
             let due = Instant::from_ns(time.at(due));
             // Without its own memory it has no watchers; the body runs all the same.
             if let Some(sampler) = &mut sampler {
                 let _ = sampler.begin();
+            }
+            if looks_at_floats {
+                // Those of the background, which this loop may have interrupted, are not its own.
+                let _ = FloatExceptions::take();
             }
             (self.body)(&mut LoopTick {
                 due,
@@ -137,6 +144,13 @@ impl Loop<'_> {
                 messenger,
                 screen,
             });
+            if looks_at_floats {
+                let exceptions = FloatExceptions::take();
+                if exceptions.any() {
+                    let name = ShortText::of(name);
+                    machine.fail(&ProgramError::FloatExceptions { name, exceptions });
+                }
+            }
             if let Some(sampler) = &mut sampler {
                 let _ = sampler.end(number, due);
             }
@@ -569,7 +583,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             (
                 rate,
                 overrun,
-                one.ticks::<M>(sampler.take(), time, mailbox, screen),
+                one.ticks(sampler.take(), time, self.machine, mailbox, screen),
             )
         });
         let mut bodies: Vec<_, LOOPS> = fitting(bodies);

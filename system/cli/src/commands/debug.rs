@@ -59,7 +59,7 @@ pub(crate) struct Gdb {
     processors: Vec<String>,
     #[command(flatten)]
     which: SystemChoice,
-    /// Restarts the program and stops it before its first statement
+    /// Restarts the program and stops it before it runs
     #[arg(long)]
     start: bool,
     /// Uses GDB's non-stop mode: no thread stops at the beginning, each stops alone, and memory can be read
@@ -117,7 +117,7 @@ impl Gdb {
             Arc::new(AtomicBool::new(false)),
         )?;
         if debuggees.is_empty() {
-            return self.process(members[0]);
+            return self.process(&running, members[0]);
         }
         let programs = programs(&running, &members, &debuggees, self.non_stop);
         let session = if !self.start {
@@ -139,18 +139,13 @@ impl Gdb {
     }
 
     /// Starts the debugger of this machine on a process.
-    fn process(&self, member: &Member) -> Result<(), AnyError> {
-        if self.start {
-            return Err(format!(
-                "--start is for harts only, and {} is a process: to debug it from its start, let its program be \
-                 `gdbserver`",
-                member.name
-            )
-            .into());
-        }
-        let pid = member
-            .pid
-            .ok_or("the program of the processor does not run")?;
+    fn process(&self, running: &Running, member: &Member) -> Result<(), AnyError> {
+        let pid = if self.start {
+            start_held(running, &member.name)?
+        } else {
+            member.pid
+        };
+        let pid = pid.ok_or("the program of the processor does not run")?;
         let mut command = self.command(HERE);
         if self.non_stop {
             command.args(["-iex", "set non-stop on"]);
@@ -167,6 +162,14 @@ impl Gdb {
     fn command(&self, default: &str) -> Command {
         Command::new(self.debugger.as_deref().unwrap_or(Path::new(default)))
     }
+}
+
+/// Starts the program of a process anew, so that it waits for a debugger before it runs, and returns its process id.
+fn start_held(running: &Running, name: &str) -> Result<Option<u32>, AnyError> {
+    let (processor, held) = (name.into(), true);
+    let mut client = ControlClient::connect(&running.directory)?;
+    client.ask(&ControlRequest::Restart { processor, held })?;
+    Ok(client.status()?.processor(name)?.pid)
 }
 
 fn spawn(command: &mut Command) -> Result<Child, AnyError> {

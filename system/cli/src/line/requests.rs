@@ -50,7 +50,10 @@ pub(super) fn start(one: OneProcessor) -> Result<(), AnyError> {
 
 pub(super) fn restart(one: OneProcessor) -> Result<(), AnyError> {
     let processor = one.processor;
-    connect(&one.which)?.ask(&ControlRequest::Restart { processor })?;
+    connect(&one.which)?.ask(&ControlRequest::Restart {
+        processor,
+        held: false,
+    })?;
     Ok(())
 }
 

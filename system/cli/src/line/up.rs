@@ -113,6 +113,7 @@ pub(super) fn run(
         own: application.programs(),
         // Nobody reads it at once, and the log has it.
         echo: !how.attended,
+        attended: how.attended,
         duration: how.duration,
         typing,
         adopts: true,

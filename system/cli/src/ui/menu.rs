@@ -113,7 +113,10 @@ fn request(order: &str, processor: &str) -> ControlRequest {
     match order {
         "stop" => ControlRequest::Stop { processor },
         "start" => ControlRequest::Start { processor },
-        _ => ControlRequest::Restart { processor },
+        _ => ControlRequest::Restart {
+            processor,
+            held: false,
+        },
     }
 }
 

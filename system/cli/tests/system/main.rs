@@ -12,6 +12,7 @@ mod errors;
 mod extensions;
 mod family;
 mod hearing;
+mod held;
 mod joint;
 mod late;
 mod live;

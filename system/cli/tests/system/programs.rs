@@ -7,6 +7,7 @@ use condor_rt::numbers::MISTAKE;
 use crate::asker::Asker;
 use crate::boards::Echo;
 use crate::diary::Diary;
+use crate::held::Divider;
 use crate::joint::Joint;
 use crate::late::Late;
 use crate::writer::Writer;
@@ -20,6 +21,7 @@ fn program() {
     let code = match words.next().as_deref() {
         Some("writer") => condor_rt::linux::run(&Writer, words),
         Some("diary") => condor_rt::linux::run(&Diary, words),
+        Some("divider") => condor_rt::linux::run(&Divider, words),
         Some("joint") => condor_rt::linux::run(&Joint, words),
         Some("asker") => condor_rt::linux::run(&Asker, words),
         Some("echo") => condor_rt::linux::run(&Echo, words),

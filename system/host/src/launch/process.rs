@@ -12,7 +12,8 @@ use super::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod};
 use crate::error::NamedFileError;
 
 /// A [`Launch`] of a processor that is a process of this machine. SIGTERM asks the process to end, and it is killed
-/// when the thread that started it ends.
+/// when the thread that started it ends. A process that has stopped itself by SIGTSTP counts as held for a debugger, and
+/// is killed when it is to end.
 ///
 /// The process has a process group of its own. Processes that are still in this group when it has ended are killed. A
 /// descendant that has made a group of its own is not killed here, but by the keeper process of the program `condor`.
@@ -100,8 +101,9 @@ impl Launch for ChildProcess {
             return Ok(());
         };
         let signal = match how {
-            StopMethod::Ask => Signal::TERM,
-            StopMethod::Force => Signal::KILL,
+            StopMethod::Ask if !self.is_held() => Signal::TERM,
+            // One that is held could not take the other signal.
+            StopMethod::Ask | StopMethod::Force => Signal::KILL,
         };
         match rustix::process::pidfd_send_signal(&running.pidfd, signal) {
             // The process has ended, and that will be noticed.
@@ -122,6 +124,10 @@ impl Launch for ChildProcess {
             self.ended = Some(exit);
         }
         self.ended.clone().map_or(RunState::Idle, RunState::Ended)
+    }
+
+    fn is_held(&self) -> bool {
+        self.running.as_ref().is_some_and(Running::is_held)
     }
 
     fn ended(&self) -> Option<BorrowedFd<'_>> {
@@ -181,6 +187,16 @@ impl Running {
                 Err(error.into())
             }
         }
+    }
+
+    /// Returns true if it has stopped itself for a debugger, by the signal of
+    /// [`hold_for_debugger`](condor_platform::linux::hold_for_debugger).
+    fn is_held(&self) -> bool {
+        let flags = WaitIdOptions::STOPPED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        let process = WaitId::Pid(Pid::from_child(&self.child));
+        let stopped = rustix::process::waitid(process, flags).ok().flatten();
+        let signal = stopped.and_then(|status| status.stopping_signal());
+        signal == Some(Signal::TSTP.as_raw())
     }
 
     /// Returns the way in which it ended, if it has; then its group has ended, too.

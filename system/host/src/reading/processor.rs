@@ -27,6 +27,8 @@ pub(super) struct Common {
     on_failure: OnFailure,
     restarts: u32,
     stall_seconds: u32,
+    hold_exceptions: Option<bool>,
+    float_exceptions: Option<bool>,
     loop_times_us: Vec<u32>,
     servo_loops: Vec<DeclaredLoop>,
     may_ask: Vec<MayAsk>,
@@ -51,6 +53,8 @@ impl Common {
             on_failure: self.on_failure,
             restarts: self.restarts,
             stall_seconds: self.stall_seconds,
+            hold_exceptions: self.hold_exceptions,
+            float_exceptions: self.float_exceptions.unwrap_or_default(),
             loop_times_us: self.loop_times_us,
             servo_loops: self.servo_loops,
             may_ask: self.may_ask,
@@ -87,6 +91,8 @@ pub(super) fn read<'a, 't>(
     );
     let restarts: Option<Restarts> = keys.get("restarts");
     let stall_seconds: Option<WholeNumber<_, 0, 86400>> = keys.get("stall_seconds");
+    let hold_exceptions = keys.get("hold_exceptions");
+    let float_exceptions = keys.get("float_exceptions");
     let headless = keys.get("headless");
     let may_ask = keys.get("may_ask");
     let serves = keys.get("serves");
@@ -123,6 +129,8 @@ pub(super) fn read<'a, 't>(
         on_failure: on_failure.unwrap_or(OnFailure::Restart),
         restarts: restarts.map_or(10, |restarts| restarts.0),
         stall_seconds: stall_seconds.map_or(5, |seconds| seconds.0),
+        hold_exceptions,
+        float_exceptions,
         loop_times_us,
         servo_loops,
         may_ask: may_ask.unwrap_or_default(),

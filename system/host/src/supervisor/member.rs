@@ -11,6 +11,7 @@ use super::log_share::{LINES, LogShare};
 use super::mailbox::SupervisorMailbox;
 use crate::control::{self, MemberState};
 use crate::description::OnFailure;
+use crate::error::me;
 use crate::launch::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod};
 use condor_rt::linux::Environment;
 use condor_rt::numbers::MISTAKE;
@@ -152,7 +153,7 @@ impl Member {
         }
     }
 
-    fn state(&self) -> MemberState {
+    pub(super) fn state(&self) -> MemberState {
         match self.phase {
             Phase::Starting | Phase::Up { .. } if self.held_since.is_some() => MemberState::Held,
             Phase::Stopped => MemberState::Stopped,
@@ -298,11 +299,16 @@ impl Member {
 
     /// Starts its program.
     pub(super) fn start(&mut self, mailbox: &SupervisorMailbox<'_>, journal: &mut Journal) {
-        if let Some(image) = self.next.take()
-            && let Err(error) = self.launch.load(&image)
-        {
-            self.phase = Phase::Failed;
-            return self.tell(journal, format!("cannot be loaded: {error}"));
+        if let Some(mut image) = self.next.take() {
+            if let Err(error) = self.launch.load(&image) {
+                self.phase = Phase::Failed;
+                return self.tell(journal, format!("cannot be loaded: {error}"));
+            }
+            if image.environment.hold_at_start {
+                // Once: the start after this one is an ordinary one.
+                image.environment.hold_at_start = false;
+                self.next = Some(image);
+            }
         }
         self.incarnation_before = mailbox.incarnation(self.plan.number);
         self.started = Some(Instant::now());
@@ -402,7 +408,11 @@ impl Member {
         match self.held_since {
             None if is_held => {
                 self.held_since = Some(now);
-                self.tell(journal, "is held for a debugger");
+                let (me, name) = (me(), &self.plan.name);
+                let text = format!(
+                    "is held for a debugger: `{me} gdb {name}` attaches one, `{me} restart {name}` starts the program anew"
+                );
+                self.tell(journal, text);
             }
             Some(since) if !is_held => {
                 self.held_since = None;
@@ -581,7 +591,8 @@ impl Member {
     }
 
     /// Returns the result of a request to run the program; `None` as long as it is not known. While time
-    /// `is_paused`, a program that has entered joins only after the person who asks lets time go on.
+    /// `is_paused`, a program that has entered joins only after the person who asks lets time go on, and one that is
+    /// held for a debugger joins only after somebody has it go on.
     pub(super) fn outcome(&self, is_paused: bool) -> Option<Result<(), String>> {
         let exit = || match &self.last_exit {
             Some(exit) => format!("`{}` is not running; its last end: {exit}", self.plan.name),
@@ -589,7 +600,9 @@ impl Member {
         };
         match self.phase {
             Phase::Up { .. } => Some(Ok(())),
-            Phase::Starting if is_paused && self.has_entered => Some(Ok(())),
+            Phase::Starting if is_paused && self.has_entered || self.held_since.is_some() => {
+                Some(Ok(()))
+            }
             Phase::Failed | Phase::Stopped => Some(Err(exit())),
             _ => None,
         }

@@ -138,7 +138,10 @@ impl<'d> Orders<'d> {
         let arguments: Vec<_> = words.collect();
         let processor = processor.ok_or("the request names no processor")?;
         match (operation, program) {
-            (MayAsk::Restart, None) => Ok(ControlRequest::Restart { processor }),
+            (MayAsk::Restart, None) => Ok(ControlRequest::Restart {
+                processor,
+                held: false,
+            }),
             (MayAsk::Load, Some(word)) => {
                 let program = self.named(&word).ok_or_else(|| {
                     format!(

@@ -15,7 +15,7 @@ use crate::launch::{ChildProcess, Launch, ProgramImage};
 use crate::paths::{beside, find_program};
 use crate::services;
 use crate::system::SystemDirectory;
-use condor_rt::linux::{Environment, FileRange, LoopContext};
+use condor_rt::linux::{Environment, FileRange};
 use condor_rt::numbers::{EXTENSIONS, FILES, TERMINALS};
 
 /// The time without a heartbeat after which a service counts as stalled.
@@ -24,6 +24,7 @@ const SERVICE_STALL: Duration = Duration::from_secs(10);
 /// The services, then the processors in the order of the description.
 pub(super) fn members(
     description: &SystemDescription,
+    attended: bool,
     directory: &SystemDirectory,
     furniture: &SystemFiles,
     mailbox: &SupervisorMailbox<'_>,
@@ -76,6 +77,8 @@ pub(super) fn members(
         let mut environment = system.environment(number);
         environment.bus.clone_from(&furniture.bus);
         environment.shared_memory.clone_from(&furniture.shared);
+        environment.hold_exceptions = processor.hold_exceptions.unwrap_or(attended);
+        environment.float_exceptions = processor.float_exceptions;
         for (time, &us) in environment.work_ns.iter_mut().zip(&processor.loop_times_us) {
             *time = u64::from(us) * 1000;
         }
@@ -147,18 +150,12 @@ impl System<'_> {
 
     fn environment(&self, processor: Number) -> Environment {
         Environment {
-            system: self.directory.mailbox(),
-            window_bytes: self.description.window_bytes,
-            processor,
-            bus: None,
-            uio: Vec::new(),
-            serial: None,
-            shared_memory: None,
             clock: self.clock.cloned(),
-            work_ns: [0; condor_clock::LOOPS],
-            loops: LoopContext::default(),
-            cpu: None,
-            priority: None,
+            ..Environment::new(
+                self.directory.mailbox(),
+                self.description.window_bytes,
+                processor,
+            )
         }
     }
 }

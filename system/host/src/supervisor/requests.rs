@@ -72,12 +72,12 @@ impl Supervisor<'_> {
             }
             ControlRequest::Stop { processor } => self.stop(from, &processor),
             ControlRequest::Start { processor } => self.start(from, &processor),
-            ControlRequest::Restart { processor } => self.restart(from, &processor),
+            ControlRequest::Restart { processor, held } => self.restart(from, &processor, held),
             ControlRequest::Load {
                 processor,
                 program,
                 arguments,
-            } => self.load(from, &processor, program, arguments),
+            } => self.load(from, &processor, program, arguments, false),
         };
         match answer {
             Ok(Some(answer)) => self.answer(from, answer),
@@ -188,14 +188,19 @@ impl Supervisor<'_> {
         Ok(None)
     }
 
-    fn restart(&mut self, from: Asker, processor: &str) -> Result<Option<ControlAnswer>, String> {
+    fn restart(
+        &mut self,
+        from: Asker,
+        processor: &str,
+        held: bool,
+    ) -> Result<Option<ControlAnswer>, String> {
         let place = self.find(processor)?;
         if let Some(member) = self.members.get(place).map(|it| &it.plan)
             && !member.is_service()
         {
             // Its file may be another one now.
             let (program, arguments) = (member.program.clone(), member.arguments.clone());
-            return self.load(from, processor, program, arguments);
+            return self.load(from, processor, program, arguments, held);
         }
         if matches!(from, Asker::Processor { .. }) {
             return Err(format!(
@@ -212,6 +217,7 @@ impl Supervisor<'_> {
         processor: &str,
         program: String,
         arguments: Vec<String>,
+        held: bool,
     ) -> Result<Option<ControlAnswer>, String> {
         let place = self.find(processor)?;
         self.check_can_end(place)?;
@@ -224,13 +230,20 @@ impl Supervisor<'_> {
                 member.plan.name
             ));
         }
-        let image = plan::reload(
+        let mut image = plan::reload(
             self.description,
             member,
             &program,
             &arguments,
             &self.options.own,
         )?;
+        if held && !member.plan.runs_here {
+            return Err(format!(
+                "the program of `{processor}` does not run on this machine; `{} gdb {processor} --start` holds it",
+                me()
+            ));
+        }
+        image.environment.hold_at_start = held;
         if let Asker::Processor { number, .. } = from {
             let text = format!("`{program}` is started at the request of {number}");
             self.journal.tell(&member.plan.name, text, None);

@@ -20,7 +20,7 @@ pub struct LoopSample {
 
 /// The activity of a servo loop between two samples, or since the loop began: its rate, its run times, its lateness and
 /// its overruns.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LoopRates {
     /// The name of the loop in its processor.
     pub name: String,

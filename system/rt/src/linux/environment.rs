@@ -148,6 +148,16 @@ pub struct Environment {
     /// The way in which the loops run by the real clock.
     #[serde(default)]
     pub loops: LoopContext,
+    /// Whether the process stops at a fatal error, that is, a panic or a signal such as SIGSEGV, and waits for a
+    /// debugger as it is.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub hold_exceptions: bool,
+    /// Whether the process stops before its program runs, and waits for a debugger.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub hold_at_start: bool,
+    /// Whether a floating-point exception in a servo loop is [fatal](crate::Machine::is_float_exception_fatal).
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub float_exceptions: bool,
     /// The core on which the program runs; `None` means any core.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu: Option<usize>,
@@ -157,12 +167,43 @@ pub struct Environment {
     pub priority: Option<u8>,
 }
 
+#[allow(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+const fn is_false(value: &bool) -> bool {
+    !*value
+}
+
 /// A processor as its number.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Processor")]
 struct Number(u8);
 
 impl Environment {
+    /// Makes the settings of a processor of the mailbox system in the directory `system`, with those that can be left out
+    /// as if they were.
+    #[must_use]
+    pub fn new(system: PathBuf, window_bytes: u32, processor: Processor) -> Self {
+        Self {
+            system,
+            window_bytes,
+            processor,
+            bus: None,
+            uio: Vec::new(),
+            serial: None,
+            shared_memory: None,
+            clock: None,
+            work_ns: [0; condor_clock::LOOPS],
+            loops: LoopContext::default(),
+            hold_exceptions: false,
+            hold_at_start: false,
+            float_exceptions: false,
+            cpu: None,
+            priority: None,
+        }
+    }
+
     /// Reads the settings of this process from its environment.
     ///
     /// # Errors
@@ -249,7 +290,8 @@ mod tests {
         "serial": "/dev/ttyUSB0",
         "shared_memory": { "file": "/run/condor/shared", "offset": 0 },
         "clock": { "file": "/run/condor/clock", "offset": 24576, "bytes": 4096 },
-        "work_ns": [500000, 0, 0, 0, 0, 0, 0, 7], "loops": "spin", "cpu": 1, "priority": 80
+        "work_ns": [500000, 0, 0, 0, 0, 0, 0, 7], "loops": "spin", "hold_exceptions": true,
+        "hold_at_start": true, "float_exceptions": true, "cpu": 1, "priority": 80
     }"#;
 
     #[test]
@@ -257,7 +299,7 @@ mod tests {
         let all = Environment::from_json(ALL).unwrap();
         let least = r#"{ "system": "/m", "window_bytes": 4, "processor": 0 }"#;
         let least = Environment::from_json(least).unwrap();
-        assert_eq!(least.loops, LoopContext::Threads);
+        assert_eq!(least, Environment::new("/m".into(), 4, Processor(0)));
         for passed in [all, least] {
             let mut command = Command::new("program");
             passed.pass_to(&mut command).unwrap();

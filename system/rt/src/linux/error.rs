@@ -72,6 +72,9 @@ pub enum ProcessError {
     /// Handlers for SIGTERM and SIGINT could not be registered.
     #[error("cannot handle SIGTERM and SIGINT: {0}")]
     Stopping(io::Error),
+    /// Handlers for the signals of fatal errors could not be registered.
+    #[error("cannot handle SIGSEGV and other signals of fatal errors: {0}")]
+    Fatal(io::Error),
 }
 
 impl ProcessError {

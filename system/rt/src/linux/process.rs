@@ -14,7 +14,8 @@ use condor_mbox::spin_lock::NativeSwap;
 use condor_mbox::{AccessError, Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
 use condor_mos::linux::{Privileges, RealTime, SignalPlatform, Threads};
 use condor_mos::{Histograms, Loops, Rate};
-use signal_hook::consts::{SIGINT, SIGTERM};
+use condor_platform::linux::{hold_at_fatal_errors, hold_for_debugger};
+use signal_hook::consts::{SIGFPE, SIGINT, SIGTERM};
 
 use super::bell::{ProcessBell, Ringing};
 use super::bus::ProcessBus;
@@ -58,6 +59,7 @@ pub struct LinuxProcess {
     shared_memory: Option<Region<LinuxWindow>>,
     arguments: Vec<String>,
     stopping: Arc<AtomicBool>,
+    float_exceptions: bool,
 }
 
 /// The context in which loops run.
@@ -88,7 +90,8 @@ impl LinuxProcess {
     /// [`ProcessError::MapBus`] if the bus cannot be mapped; [`ProcessError::Open`] if a device or the serial port
     /// cannot be opened; [`ProcessError::Open`] or [`ProcessError::MapShared`] if another shared memory cannot be mapped;
     /// [`ProcessError::ClockPlace`] or [`ProcessError::Clock`] if that memory holds no page of a
-    /// simulated clock; [`ProcessError::Stopping`] if the signals cannot be handled;
+    /// simulated clock; [`ProcessError::Stopping`] or
+    /// [`ProcessError::Fatal`] if signals cannot be handled;
     /// [`ProcessError::System`] if the memory cannot be opened or the number cannot be claimed.
     pub fn new(
         environment: &Environment,
@@ -123,6 +126,12 @@ impl LinuxProcess {
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,
     ) -> Result<Self, ProcessError> {
+        if environment.hold_exceptions {
+            hold_at_fatal_errors().map_err(ProcessError::Fatal)?;
+        }
+        if environment.hold_at_start {
+            hold_for_debugger();
+        }
         let system = LinuxSystem::at(&environment.system, environment.window_bytes)?;
         let bus = environment.bus.as_ref().map(map).transpose()?;
         let shared_memory = environment.shared_memory.as_ref().map(FileRange::window);
@@ -172,6 +181,7 @@ impl LinuxProcess {
             shared_memory,
             arguments: arguments.into_iter().collect(),
             stopping,
+            float_exceptions: environment.float_exceptions,
         };
         machine.tell(&wishes.request());
         let lines = machine.interrupt_controller().lines;
@@ -461,6 +471,16 @@ impl Machine for LinuxProcess {
     fn is_stopping(&self) -> bool {
         self.stopping.load(Ordering::Relaxed)
             || matches!(&self.way, LoopPlatform::Simulated(clock) if clock.is_stopping())
+    }
+
+    fn is_float_exception_fatal(&self) -> bool {
+        self.float_exceptions
+    }
+
+    fn fail(&self, error: &ProgramError) {
+        eprintln!("{}: {error}", self.number);
+        // The kernel cannot refuse it.
+        let _ = signal_hook::low_level::raise(SIGFPE);
     }
 
     /// With loops in threads, messages are served in one, too.

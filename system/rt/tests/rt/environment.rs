@@ -14,17 +14,7 @@ pub(crate) fn environment(
     loops: LoopContext,
 ) -> Environment {
     Environment {
-        system: directory.join("mailbox"),
-        window_bytes,
-        processor,
-        bus: None,
-        uio: Vec::new(),
-        serial: None,
-        shared_memory: None,
-        clock: None,
-        work_ns: [0; 8],
         loops,
-        cpu: None,
-        priority: None,
+        ..Environment::new(directory.join("mailbox"), window_bytes, processor)
     }
 }

@@ -48,6 +48,7 @@ impl Alone {
                 entry: memory.load(hart, &file)?.entry(),
                 arguments: arguments.as_bytes(),
                 simulated: None,
+                float_exceptions: false,
             };
             memory.control(hart)?.order(order)?;
         }

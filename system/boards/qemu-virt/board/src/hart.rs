@@ -8,8 +8,10 @@ use condor_mbox::spin_lock::NativeSwap;
 use condor_mbox::{AccessError, CriticalSection, Processor, Region, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
-use condor_rt::{Machine, PROCESSORS, ProgramError, SERIAL_VECTOR, ServoLoop, on_one_stack};
-use qemu_virt_host::{ARGUMENT_BYTES, Control, Map};
+use condor_rt::{
+    Machine, PROCESSORS, ProgramError, SERIAL_VECTOR, ServoLoop, ShortText, on_one_stack,
+};
+use qemu_virt_host::{ARGUMENT_BYTES, Control, ERROR_BYTES, Map};
 
 use crate::bell::HartBell;
 use crate::boards::{self, HartInterrupts};
@@ -123,6 +125,13 @@ impl Hart {
         HartTimer(self.clint)
     }
 
+    /// Leaves the text of the error with which the program ends, for the log of the host.
+    pub(crate) fn leave(&self, error: &ProgramError) {
+        let text = ShortText::<ERROR_BYTES>::of(error);
+        // The page of the hart is there.
+        let _ = self.control.set_error(text.as_str());
+    }
+
     /// The hart's own `data`.
     pub(crate) fn own_data(&self) -> StaticWindow<'static> {
         window(self.map.data.at(self.number.0.into()), self.map.data_bytes)
@@ -212,6 +221,17 @@ impl Machine for Hart {
     fn is_stopping(&self) -> bool {
         // The memory is there.
         self.control.is_asked_to_end().unwrap_or(false)
+    }
+
+    fn is_float_exception_fatal(&self) -> bool {
+        // The memory is there.
+        self.control.float_exceptions().unwrap_or(false)
+    }
+
+    fn fail(&self, error: &ProgramError) {
+        self.leave(error);
+        // SAFETY: an illegal instruction, which the monitor reports, or at which a debugger holds the program.
+        unsafe { core::arch::asm!("unimp", options(noreturn)) }
     }
 
     fn interrupt_controller(&self) -> HartInterrupts {

@@ -1,7 +1,6 @@
 //! The beginning and the end of a program.
 
-use condor_rt::{ProgramError, ShortText};
-use qemu_virt_host::ERROR_BYTES;
+use condor_rt::ProgramError;
 
 use crate::hart::Hart;
 use crate::resident::{self, Return};
@@ -75,9 +74,7 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
 #[must_use]
 pub fn status(outcome: &Result<(), ProgramError>, hart: &Hart) -> u32 {
     let Err(error) = outcome else { return 0 };
-    let text = ShortText::<ERROR_BYTES>::of(error);
-    // The page of the hart is there.
-    let _ = hart.control().set_error(text.as_str());
+    hart.leave(error);
     error.exit_status().into()
 }
 

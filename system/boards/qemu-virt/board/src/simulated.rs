@@ -183,6 +183,14 @@ impl<'h> Machine for SimulatedHart<'h> {
         self.hart.is_stopping() || self.clock.is_stopping()
     }
 
+    fn is_float_exception_fatal(&self) -> bool {
+        self.hart.is_float_exception_fatal()
+    }
+
+    fn fail(&self, error: &ProgramError) {
+        self.hart.fail(error);
+    }
+
     fn interrupt_controller(&self) -> HartLines<Bell<'h>> {
         let number = self.number();
         let data = self.hart.own_data();

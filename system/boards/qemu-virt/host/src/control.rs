@@ -23,6 +23,7 @@ mod host {
     pub(super) const SIMULATED: u32 = 532;
     /// Two words for each loop, the lower one first.
     pub(super) const WORK: u32 = 536;
+    pub(super) const FLOATS: u32 = 600;
 }
 
 /// Written by the hart.
@@ -85,6 +86,9 @@ pub struct StartOrder<'a> {
     /// The simulated duration of one run of each loop of the program, in nanoseconds, the fastest
     /// loop first; `None` if the program runs by the real clock.
     pub simulated: Option<[u64; LOOPS]>,
+    /// Whether a floating-point exception in a loop of the program ends the
+    /// program.
+    pub float_exceptions: bool,
 }
 
 /// The registers of a hart when its program caused a trap that it does not handle.
@@ -198,6 +202,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page
             .set_word(host::SIMULATED, simulated.is_some().into())?;
         self.set_doubles(host::WORK, simulated.into_iter().flatten())?;
+        self.page
+            .set_word(host::FLOATS, order.float_exceptions.into())?;
         // A start that was ordered before and never made had this number, too.
         self.page.set_word(host::ASKED, 0)?;
         self.page.set_word(host::ABANDONED, 0)?;
@@ -321,6 +327,15 @@ impl<W: MemoryWindow + Clone> Control<W> {
             *work = self.double(host::WORK + 8 * place)?;
         }
         Ok(Some(work))
+    }
+
+    /// Returns true if a floating-point exception in a loop of the program ends the
+    /// program. The program calls this.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the memory cannot be accessed.
+    pub fn float_exceptions(&self) -> Result<bool, AccessError> {
+        Ok(self.page.word(host::FLOATS)? != 0)
     }
 
     /// Returns true if the host has [asked](Self::ask_to_end) the present program to end. The

@@ -52,11 +52,6 @@ impl Extension for Harts {
                 is_right = false;
             }
         }
-        let holding = found.processors.iter_mut().filter_map(|processor| {
-            let holds: bool = processor.keys.get("hold_exceptions")?;
-            holds.then_some(processor.number?)
-        });
-        let holding: Vec<u8> = holding.collect();
         let Some(keys) = &mut found.keys else {
             let text = "a processor of `kind = \"hart\"` needs a machine; add the table `[machine]`, or use another \
                         kind";
@@ -122,7 +117,7 @@ impl Extension for Harts {
             }
         };
         programs(found, &harts, &map)?;
-        Some(Box::new(HartGroup { map, qemu, holding }))
+        Some(Box::new(HartGroup { map, qemu }))
     }
 
     fn debuggee(
@@ -215,8 +210,6 @@ fn programs(found: &ExtensionPart<'_, '_>, harts: &[Spanned<HartNumber>], map: &
 struct HartGroup {
     map: Map,
     qemu: Qemu,
-    /// The processors whose programs exceptions hold for a debugger.
-    holding: Vec<u8>,
 }
 
 impl Group for HartGroup {
@@ -229,7 +222,6 @@ impl Group for HartGroup {
             path,
             memory,
             qemu: self.qemu.clone(),
-            holding: self.holding.clone(),
             power: Power::new(),
         }))
     }
@@ -245,7 +237,6 @@ struct FurnishedHarts {
     link: PathBuf,
     memory: MachineMemory,
     qemu: Qemu,
-    holding: Vec<u8>,
     power: Power,
 }
 
@@ -288,7 +279,6 @@ impl StartingExtension for FurnishedHarts {
             .and_then(|hart| u32::try_from(hart).ok())
             .unwrap_or(u32::MAX);
         let hart = HartLauncher::new(self.memory.clone(), hart, doorbell, self.power.clone())?;
-        let holds = self.holding.contains(&number.0);
-        Ok(Box::new(hart.holding_exceptions(holds)))
+        Ok(Box::new(hart))
     }
 }

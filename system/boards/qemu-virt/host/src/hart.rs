@@ -128,7 +128,6 @@ pub struct HartLauncher {
     doorbell: LinuxDoorbell<PROCESSORS>,
     tracer: Tracer<LinuxWindow>,
     cleaner: Cleaner,
-    holds_exceptions: bool,
     power: Power,
     program: Option<LoadedProgram>,
     running: Option<Running>,
@@ -144,6 +143,8 @@ struct LoadedProgram {
     image: crate::HartImage,
     arguments: Vec<u8>,
     simulated: Option<[u64; LOOPS]>,
+    hold_exceptions: bool,
+    float_exceptions: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -178,7 +179,6 @@ impl HartLauncher {
             place: hart,
             tracer: debuggee::tracer(&memory, &control, number, doorbell.clone())?,
             cleaner: Cleaner::new(),
-            holds_exceptions: false,
             control,
             memory,
             doorbell,
@@ -188,14 +188,6 @@ impl HartLauncher {
             ended: None,
             report: None,
         })
-    }
-
-    /// Sets whether a program that causes an exception is held for a debugger (`true`) or ended
-    /// (`false`, the default).
-    #[must_use]
-    pub const fn holding_exceptions(mut self, holds: bool) -> Self {
-        self.holds_exceptions = holds;
-        self
     }
 
     fn reach(&self, stop: StopMethod, running: Running) -> Result<(), HartError> {
@@ -227,7 +219,11 @@ impl HartLauncher {
             }
             HartState::Faulted { start } if start == running.start => {
                 let fault = self.control.fault().unwrap_or_default();
-                self.report = Some(self.fault_text(&fault));
+                let text = self.fault_text(&fault);
+                self.report = Some(match self.said() {
+                    Some(said) => format!("{said}; {text}"),
+                    None => text,
+                });
                 let HartFault { pc, value, .. } = fault;
                 let name = cause_name(fault.cause);
                 Some(Exit::Other(format!("{name} at {pc:#x}, value {value:#x}")))
@@ -325,6 +321,8 @@ impl Launch for HartLauncher {
                 .clock
                 .as_ref()
                 .map(|_| image.environment.work_ns),
+            hold_exceptions: image.environment.hold_exceptions,
+            float_exceptions: image.environment.float_exceptions,
         });
         Ok(())
     }
@@ -340,9 +338,8 @@ impl Launch for HartLauncher {
             _ => {}
         }
         let mode = self.tracer.mode().map_err(HartError::from)?;
-        let hold_exceptions = self.holds_exceptions;
         let mode = DebugRequest {
-            hold_exceptions,
+            hold_exceptions: program.hold_exceptions,
             ..mode
         };
         self.tracer.set_mode(mode).map_err(HartError::from)?;
@@ -352,6 +349,7 @@ impl Launch for HartLauncher {
             entry: program.image.entry(),
             arguments: &program.arguments,
             simulated: program.simulated,
+            float_exceptions: program.float_exceptions,
         };
         let start = self.control.order(order).map_err(self.memory.at())?;
         self.doorbell.ring(self.number);

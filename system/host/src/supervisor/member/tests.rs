@@ -33,20 +33,7 @@ fn member(place: &std::path::Path, kind: Option<&'static str>) -> (Member, Journ
         kind,
         runs_here: true,
     };
-    let environment = condor_rt::linux::Environment {
-        system: place.into(),
-        window_bytes: 4096,
-        processor: Processor(1),
-        bus: None,
-        uio: Vec::new(),
-        serial: None,
-        shared_memory: None,
-        loops: condor_rt::linux::LoopContext::Spin,
-        cpu: None,
-        priority: None,
-        clock: None,
-        work_ns: [0; condor_clock::LOOPS],
-    };
+    let environment = condor_rt::linux::Environment::new(place.into(), 4096, Processor(1));
     let image = ProgramImage::new("a".into(), Vec::new(), environment);
     let member = Member::new(plan, &image, Box::new(Nothing)).expect("it is loaded");
     (

@@ -1,11 +1,12 @@
 //! [`Faulty`]: a program that ends by a trap.
 
 use core::arch::asm;
+use core::hint::black_box;
 use core::time::Duration;
 
 use condor_dev::drivers::Uart16550;
 use condor_dev::{Location, Switch, device_switch};
-use condor_rt::{Interrupts, Machine, Program, ProgramError, Setup};
+use condor_rt::{Background, Interrupts, LoopTick, Machine, Program, ProgramError, Rate, Setup};
 
 device_switch! {
     /// A board that the program never looks for.
@@ -13,7 +14,7 @@ device_switch! {
 }
 
 /// Joins, as any program does, and then does what its first argument says: `illegal`, `access`,
-/// `misaligned`, `stack`, `spin`, for ever, or `interrupt`.
+/// `misaligned`, `stack`, `float`, in a servo loop, `spin`, for ever, or `interrupt`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Faulty;
 
@@ -21,7 +22,13 @@ impl Program for Faulty {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let (bus, controller) = (machine.bus(), machine.interrupt_controller());
         let switch = Switch::<_, _, _, 0>::new(bus, controller, Boards::new());
+        let mut divide = |_: &mut LoopTick<'_>| {
+            black_box(black_box(0.0_f64) / black_box(0.0));
+        };
         let mut setup = Setup::new(machine)?;
+        if machine.argument(0) == Some("float") {
+            setup.servo("divide", Rate::hz(100), &mut divide);
+        }
         setup
             .console()?
             .interrupts(&switch)
@@ -39,6 +46,7 @@ impl Program for Faulty {
                     Some("stack") => {
                         descend(u64::MAX);
                     }
+                    Some("float") => serve(background)?,
                     Some("interrupt") => {
                         interrupt();
                         let seen = Interrupts::of(&switch, machine.unhandled_causes());
@@ -47,9 +55,7 @@ impl Program for Faulty {
                         background.print(format_args!(
                             "not handled: vector {vector}, causes {causes:#x}\r\n"
                         ));
-                        while !background.is_stopping() {
-                            background.serve(Duration::from_millis(100))?;
-                        }
+                        serve(background)?;
                     }
                     Some("spin") => loop {
                         core::hint::spin_loop();
@@ -59,6 +65,14 @@ impl Program for Faulty {
                 Ok(())
             })
     }
+}
+
+/// Serves until the program is to end.
+fn serve<M: Machine>(background: &Background<'_, M>) -> Result<(), ProgramError> {
+    while !background.is_stopping() {
+        background.serve(Duration::from_millis(100))?;
+    }
+    Ok(())
 }
 
 /// Has a supervisor's software interrupt come, which nobody handles, and on hart 0 that of the clock of the

@@ -16,23 +16,31 @@ use running::{Up, image};
 const NEEDS: &str = "QEMU and images: cargo xtask riscv";
 
 /// What is done wrong, and what the log and the terminal say of it.
-const TRAPS: [(&str, &str); 4] = [
+const TRAPS: [(&str, &str); 5] = [
     ("illegal", "illegal instruction"),
     ("access", "load access fault"),
+    // The program ends itself by it.
+    ("float", "illegal instruction"),
     ("misaligned", "store address misaligned"),
     // The guard lies where the frame is saved, or where an interrupt would be.
     ("stack", "store access fault"),
 ];
 
 fn processors() -> String {
-    let hart = |number: u32, arguments: &str| {
+    echoes(2)
+}
+
+/// Harts that answer, each as the processor of its number.
+fn echoes(count: u32) -> String {
+    let hart = |number| {
         format!(
             "[[processors]]\nnumber = {number}\nname = \"h{number}\"\nkind = \"hart\"\nhart = {number}\n\
-             program = {:?}\narguments = {arguments}\non_failure = \"leave\"\n",
+             program = {:?}\narguments = [\"echo\"]\n\
+             float_exceptions = true\non_failure = \"leave\"\n",
             image("drills-hart"),
         )
     };
-    hart(0, "[\"echo\"]") + &hart(1, "[\"echo\"]")
+    (0..count).map(hart).collect()
 }
 
 #[test]
@@ -53,8 +61,24 @@ fn a_trap_ends_one_program_and_no_other() {
         assert_eq!(up.ask(1, 41), 42, "after {what}");
     }
     assert_eq!(up.pid_and_state("h1"), incarnation);
+    let log = up.log();
+    let float =
+        "the servo loop `divide` has raised a floating-point exception: an invalid operation; ";
+    assert!(log.contains(float), "{log}");
     up.load("h0", &["echo"]);
     assert_eq!(up.ask(0, 1), 2, "the hart runs programs again");
+    up.end();
+}
+
+#[test]
+#[ignore = "needs QEMU and images: cargo xtask riscv"]
+fn as_many_harts_as_there_can_be_run_at_once() {
+    let most = 12;
+    let up = Up::start(&echoes(most.into()), NEEDS);
+    for number in 0..most {
+        assert_eq!(up.ask(number, 41), 42);
+        assert_eq!(up.member(&format!("h{number}")).state, MemberState::Running);
+    }
     up.end();
 }
 

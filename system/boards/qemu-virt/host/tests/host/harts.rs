@@ -98,6 +98,7 @@ fn a_program_is_started_asked_and_abandoned() {
         entry: 0x20_0000,
         arguments: b"servo\0a\0",
         simulated: Some([u64::MAX, 1, 2, 3, 4, 5, 6, 7]),
+        float_exceptions: true,
     };
     assert_eq!(host.order(order), Ok(1));
     assert_eq!(hart.wanted(), Ok(Some((1, 0x20_0000))));
@@ -154,6 +155,7 @@ fn texts_that_are_too_long_are_cut_off() {
         entry: 0,
         arguments: &[b'a'; ARGUMENT_BYTES + 3],
         simulated: None,
+        float_exceptions: false,
     };
     control.order(order).unwrap();
     let mut arguments = [0; ARGUMENT_BYTES];

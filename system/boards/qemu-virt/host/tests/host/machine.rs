@@ -14,7 +14,7 @@ use condor_clock::{Handover, Page, Until};
 use condor_host::supervisor::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod};
 use condor_mbox::linux::{Claim, LinuxDoorbell};
 use condor_mbox::{Clock, Doorbell, MemoryWindow, Processor};
-use condor_rt::linux::{Bells, Environment, LoopContext, MappedPage};
+use condor_rt::linux::{Bells, Environment, MappedPage};
 use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 use qemu_virt_host::service::Bridge;
 use qemu_virt_host::{
@@ -78,20 +78,7 @@ impl Rig {
     fn image(&self, arguments: &[&str]) -> ProgramImage {
         let file = self.directory.path().join("program.elf");
         std::fs::write(&file, elf::File::pie().build()).unwrap();
-        let environment = Environment {
-            system: PathBuf::new(),
-            window_bytes: 4096,
-            processor: NUMBER,
-            bus: None,
-            uio: Vec::new(),
-            serial: None,
-            shared_memory: None,
-            clock: None,
-            work_ns: Default::default(),
-            loops: LoopContext::Threads,
-            cpu: None,
-            priority: None,
-        };
+        let environment = Environment::new(PathBuf::new(), 4096, NUMBER);
         let arguments = arguments.iter().map(|&one| one.into()).collect();
         ProgramImage::new(file, arguments, environment)
     }

@@ -1,0 +1,85 @@
+//! Programs that stop at a fatal error as they are, so that a debugger can look at them.
+
+use core::ffi::{c_int, c_void};
+use core::mem::MaybeUninit;
+use core::ptr;
+use std::boxed::Box;
+use std::{io, panic};
+
+/// The signals of errors that end a program.
+const FATAL: [c_int; 5] = [
+    libc::SIGSEGV,
+    libc::SIGBUS,
+    libc::SIGILL,
+    libc::SIGFPE,
+    libc::SIGABRT,
+];
+
+/// Stops the whole process with [`hold_for_debugger`] at each panic, and at each of the signals SIGSEGV, SIGBUS, SIGILL,
+/// SIGFPE and SIGABRT, from now on until the process ends. A process that goes on after such a signal ends by it, as it
+/// would have done at once; after a panic it goes on with the hook for panics that was there before.
+///
+/// Call it before [`on_bus_error`](super::on_bus_error), whose functions are then asked first. The handler of std for
+/// these signals, which says that a stack has overflowed, is not called any more.
+///
+/// # Errors
+/// Returns the operating system's error if it refuses a handler.
+pub fn hold_at_fatal_errors() -> io::Result<()> {
+    for signal in FATAL {
+        let handler: extern "C" fn(c_int, *mut libc::siginfo_t, *mut c_void) = handle;
+        set_action(
+            signal,
+            handler as usize,
+            libc::SA_SIGINFO | libc::SA_ONSTACK | libc::SA_RESETHAND,
+        )?;
+    }
+    let before = panic::take_hook();
+    panic::set_hook(Box::new(move |panic| {
+        before(panic);
+        hold_for_debugger();
+    }));
+    Ok(())
+}
+
+/// Stops the whole process until it is continued with SIGCONT, or by a debugger that has attached to it.
+///
+/// The process stops itself by SIGTSTP, so that its parent can tell it from one that somebody else has stopped. The kernel
+/// ignores this signal in a process whose group nobody else of its session watches: then the function returns at once.
+pub fn hold_for_debugger() {
+    // SAFETY: `raise` is async-signal-safe, and has no other effect than this signal's.
+    unsafe { libc::raise(libc::SIGTSTP) };
+}
+
+fn set_action(signal: c_int, handler: usize, flags: c_int) -> io::Result<()> {
+    let mut action = MaybeUninit::<libc::sigaction>::zeroed();
+    // SAFETY: all-zero is the default action with an empty mask.
+    let action = unsafe { action.assume_init_mut() };
+    action.sa_sigaction = handler;
+    action.sa_flags = flags;
+    // SAFETY: `handler` is either the default or `handle`, which is async-signal-safe and has the signature that
+    // SA_SIGINFO asks for.
+    if unsafe { libc::sigaction(signal, action, ptr::null_mut()) } == 0 {
+        Ok(())
+    } else {
+        Err(io::Error::last_os_error())
+    }
+}
+
+extern "C" fn handle(signal: c_int, info: *mut libc::siginfo_t, _: *mut c_void) {
+    let name: &[u8] = match signal {
+        libc::SIGSEGV => b"fatal error: SIGSEGV, a memory access that is not allowed\n",
+        libc::SIGBUS => b"fatal error: SIGBUS, memory that is not there\n",
+        libc::SIGILL => b"fatal error: SIGILL, an instruction that does not exist\n",
+        libc::SIGFPE => b"fatal error: SIGFPE, arithmetic\n",
+        _ => b"fatal error: SIGABRT, the program has ended itself\n",
+    };
+    // SAFETY: `write` is async-signal-safe, and reads the text alone.
+    unsafe { libc::write(libc::STDERR_FILENO, name.as_ptr().cast(), name.len()) };
+    hold_for_debugger();
+    // SAFETY: the kernel passes a valid `siginfo_t` to a handler with SA_SIGINFO.
+    if unsafe { (*info).si_code } <= 0 {
+        // A program has sent it. An error of this program repeats itself, since the handler is gone.
+        // SAFETY: `raise` is async-signal-safe.
+        unsafe { libc::raise(signal) };
+    }
+}
