@@ -179,13 +179,17 @@ pub(crate) fn free_port() -> Outcome<u16> {
     Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
 }
 
-/// The shipped system under another name, with files of its own, an observer and a gateway.
+/// The shipped system for clients on other machines under another name, with files of its own, an observer and this
+/// gateway.
 fn describe(place: &Path) -> Outcome<PathBuf> {
     let package = Path::new(PACKAGE);
     let hand = package.join("../../condor-hand/hands/utah-mit.toml");
-    let shipped = fs::read_to_string(package.join("system.toml"))?;
+    let shipped = fs::read_to_string(package.join("remote.toml"))?;
     let mut text = shipped
-        .replace("name = \"utah-mit-hand\"", &format!("name = \"{NAME}\""))
+        .replace(
+            "name = \"utah-mit-hand-remote\"",
+            &format!("name = \"{NAME}\""),
+        )
         .replace(
             "\"../../condor-hand/hands/utah-mit.toml\"",
             &format!("{:?}", hand.display().to_string()),
@@ -198,9 +202,11 @@ fn describe(place: &Path) -> Outcome<PathBuf> {
         );
     let gateway = env!("CARGO_BIN_EXE_condor-gateway");
     text += "\n[[processors]]\nnumber = 10\nname = \"observer\"\nprogram = \"self\"\narguments = [\"observer\"]\n";
-    text.extend([format!(
-        "\n[gateway]\nconfig = \"gateway.toml\"\nprogram = {gateway:?}\n\n[services]\nrestarts = 1000000\n"
-    )]);
+    let own = format!("\nprogram = {gateway:?}\n\n[services]\nrestarts = 1000000\n");
+    text = text.replace(
+        "\nconfig = \"gateway.toml\"\n",
+        &format!("\nconfig = \"gateway.toml\"{own}"),
+    );
     std::os::unix::fs::symlink(package.join("motions"), place.join("motions"))?;
     let description = place.join("system.toml");
     fs::write(&description, text)?;
