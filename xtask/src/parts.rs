@@ -22,6 +22,7 @@ mod panics;
 mod pictures;
 mod python;
 mod qemu;
+mod reach;
 mod recordings;
 mod remote;
 mod riscv;
@@ -117,6 +118,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),
     Part::new("riscv", "the hand on bare-metal harts in QEMU, and drills", riscv::run),
     Part::new("template", "the template, made outside of the tree, as processes and on a hart", template::run),
+    Part::new("reach", "modules of the libraries that no program reaches", reach::run),
     Part::new("deny", "licences, duplicates, sources, advisories", deny::run),
     Part::new("loom", "the concurrency models: tests named loom", loom::run),
     Part::new("miri", "unit tests without undefined behaviour", miri::run),

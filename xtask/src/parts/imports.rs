@@ -18,7 +18,8 @@ mod reaches;
 
 use circles::circles;
 use floors::floors;
-use modules::{Import, Modules};
+use modules::Import;
+pub(super) use modules::Modules;
 use packages::Packages;
 use reaches::reaches;
 

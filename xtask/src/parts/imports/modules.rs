@@ -15,7 +15,7 @@ type Name = Vec<String>;
 
 /// The modules of a crate, each in a file of its own.
 #[derive(Default)]
-pub(super) struct Modules(BTreeMap<Name, Module>);
+pub(in crate::parts) struct Modules(BTreeMap<Name, Module>);
 
 #[derive(Default)]
 struct Module {
@@ -38,14 +38,14 @@ pub(super) struct Import {
 
 impl Modules {
     /// Reads the files of a crate, of which this is the first. What is for tests alone is left out.
-    pub(super) fn read(main: &Path) -> Result<Self> {
+    pub(in crate::parts) fn read(main: &Path) -> Result<Self> {
         let mut modules = Self::default();
         let directory = main.parent().unwrap_or(main);
         modules.read_file(main, directory, &[])?;
         Ok(modules)
     }
 
-    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
+    pub(in crate::parts) fn files(&self) -> impl Iterator<Item = &Path> {
         self.0.values().map(|module| module.file.as_path())
     }
 
