@@ -22,33 +22,15 @@ pub(crate) fn read<S: Messenger + ?Sized, W: MemoryWindow + Clone, const FILES: 
     Ok(len)
 }
 
-/// Writes all bytes.
-pub(crate) fn write_all<S: Messenger + ?Sized, W: MemoryWindow + Clone, const FILES: usize>(
-    file: &mut File<'_, '_, S, W, FILES>,
-    bytes: &[u8],
-) -> Result<(), FileError> {
-    all(bytes, |rest, _| file.write(rest))
-}
-
 /// Writes all bytes from a position on, and leaves that of the file.
 pub(crate) fn write_all_at<S: Messenger + ?Sized, W: MemoryWindow + Clone, const FILES: usize>(
     file: &File<'_, '_, S, W, FILES>,
     bytes: &[u8],
     position: u64,
 ) -> Result<(), FileError> {
-    all(bytes, |rest, written| {
-        file.write_at(rest, position.saturating_add(written))
-    })
-}
-
-/// Calls `write` with what is left, and the number of bytes before that.
-fn all(
-    bytes: &[u8],
-    mut write: impl FnMut(&[u8], u64) -> Result<usize, FileError>,
-) -> Result<(), FileError> {
     let mut written = 0;
     while let Some(rest) = bytes.get(written..).filter(|rest| !rest.is_empty()) {
-        match write(rest, written as u64)? {
+        match file.write_at(rest, position.saturating_add(written as u64))? {
             0 => return Err(Errno::IO.into()),
             count => written += count,
         }

@@ -22,7 +22,7 @@ use crate::numbers;
 use crate::servo::LOOPS;
 use crate::shared_log;
 use crate::supervisor::Supervisor;
-use crate::variables::{RateParam, rate_of};
+use crate::variables::RateParam;
 
 /// Characters that can be typed ahead.
 const TYPED: usize = 128;
@@ -309,10 +309,10 @@ impl<'b, M: Machine> Background<'b, M> {
                 continue;
             }
             // Bounds keep out every rate that has no schedule. A loop that rests for another reason goes on resting.
-            let _ = match (rate_of(former), rate_of(hz)) {
+            let _ = match (rate.rate_of(former), rate.rate_of(hz)) {
                 (_, None) => loops.disable(*id),
-                (Some(_), Some(rate)) => loops.set_rate(*id, rate),
-                (None, Some(rate)) => (loops.set_rate(*id, rate)).and_then(|()| loops.enable(*id)),
+                (Some(_), Some(new)) => loops.set_rate(*id, new),
+                (None, Some(new)) => loops.set_rate(*id, new).and_then(|()| loops.enable(*id)),
             };
         }
     }

@@ -57,6 +57,8 @@ pub(crate) enum RateBounds {
 /// The parameter `LOOP.hz`, by which others set the rate of a loop.
 pub(crate) struct RateParam<'e> {
     of: &'e str,
+    /// The rate with which the loop begins.
+    first: Rate,
     hz: Param<f64>,
 }
 
@@ -71,7 +73,18 @@ impl<'e> RateParam<'e> {
         };
         let hz = Param::new("", "Hz", hz, bounds);
         let hz = hz.about("The rate of the loop; at 0, if that is allowed, it rests.");
-        Some(Self { of, hz })
+        Some(Self {
+            of,
+            first: rate,
+            hz,
+        })
+    }
+
+    /// Returns the rate of so many hertz: exactly the one with which the loop begins, or another in whole thousandths of a
+    /// hertz; `None` if the loop is to rest.
+    pub(crate) fn rate_of(&self, hz: f64) -> Option<Rate> {
+        let is_first = hz.to_bits() == self.first.as_hz().to_bits();
+        if is_first { Some(self.first) } else { rate_of(hz) }
     }
 
     /// Returns the rate that was set last, in Hz.
@@ -190,5 +203,19 @@ impl Nanoseconds {
         let whole = (ticks / self.ticks).wrapping_mul(SECOND * self.seconds);
         let rest = (ticks % self.ticks).wrapping_mul(SECOND) / self.ticks;
         whole.wrapping_add(rest.wrapping_mul(self.seconds))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_rate_comes_back_exactly() {
+        let first = Rate::new(400, 3).unwrap();
+        let hz = RateParam::new("servo", first, &RateBounds::Slower).unwrap();
+        assert_eq!(hz.rate_of(hz.wanted()), Some(first));
+        assert_eq!(hz.rate_of(133.25), Rate::new(133_250, 1000));
+        assert_eq!(hz.rate_of(0.0), None);
     }
 }

@@ -5,6 +5,7 @@ use condor_hand::ImageError;
 use condor_hand::trajectory::MotionError;
 use condor_hand::trajectory::image::{MotionSequence, append};
 use condor_rt::{FilesOf, Machine};
+use embedded_io::Write as _;
 
 use super::drive::{ALL, Motion};
 use super::words::{MOTIONS, Path, Problem};
@@ -115,7 +116,7 @@ impl<M: Machine> Store<'_, M> {
             }
             let options = OpenOptions::new().write().create().truncate();
             let mut file = self.0.open(&half, options)?;
-            file::write_all(&mut file, from.bytes())?;
+            file.write_all(from.bytes())?;
             file.sync()?;
             file.close()?;
             self.0.rename(&half, &path)

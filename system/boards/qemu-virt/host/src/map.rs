@@ -19,7 +19,7 @@ pub const STACK_BYTES: u32 = 512 * 1024;
 pub const GUARD_BYTES: u32 = PAGE;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CHRT");
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 mod word {
     pub(super) const MAGIC: u32 = 0;

@@ -7,6 +7,7 @@ use core::time::Duration;
 
 use condor_fs::{Errno, FileError, OpenOptions};
 use condor_rt::{FilesOf, Machine};
+use embedded_io::Write as _;
 
 use super::Queue;
 use crate::file;
@@ -45,7 +46,7 @@ impl<M: Machine> LedgerStore for LedgerFile<'_, M> {
         let (len, time) = self.within(|files| {
             let options = OpenOptions::new().write().create().truncate();
             let mut half = files.open(HALF, options)?;
-            file::write_all(&mut half, &[0])?;
+            half.write_all(&[0])?;
             let time = half.status()?.modified_s;
             half.close()?;
             let time = u32::try_from(time).unwrap_or(LATEST).min(LATEST);
@@ -66,7 +67,7 @@ impl<M: Machine> LedgerStore for LedgerFile<'_, M> {
         Ok(self.within(|files| {
             let options = OpenOptions::new().write().create().truncate();
             let mut half = files.open(HALF, options)?;
-            file::write_all(&mut half, &bytes)?;
+            half.write_all(&bytes)?;
             half.sync()?;
             half.close()?;
             files.rename(HALF, LEDGER)
