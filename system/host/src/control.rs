@@ -53,7 +53,7 @@ pub enum ControlRequest {
         processor: String,
         /// Whether the program, which must be a process, stops before it runs, and waits for a debugger. The answer comes
         /// when it does so.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "core::ops::Not::not")]
         held: bool,
     },
     /// Stops a processor, and starts it with another program.

@@ -23,8 +23,8 @@
 //! | `name` | its name in commands | |
 //! | `program` | `"self"` for a program of the running binary, or a file | |
 //! | `arguments` | the arguments of the program | `[]` |
-//! | `hold_exceptions` | whether a fatal error, such as a memory access that is not allowed, or a panic, stops the program as it is until a debugger comes, instead of ending it | `true` if a person uses the user interface, otherwise `false` |
-//! | `float_exceptions` | whether an invalid floating-point operation, a division by zero or an overflow in a servo loop is a fatal error | `false` |
+//! | `hold_exceptions` | whether a fatal error, such as a memory access that is not allowed, or a panic, stops the program as it is until a debugger comes, instead of ending it as `on_failure` says. A panic of one servo loop stops it, too, and in simulated time all others wait | `true` if the system is brought up in the user interface and `on_failure` is `"restart"`, otherwise `false` |
+//! | `float_exceptions` | whether an invalid floating-point operation, a division by zero or an overflow in a servo loop is a fatal error; so is the conversion of a number that is too large for an integer type | `false` |
 //! | `headless` | lines that are typed at its terminal when all programs run, in a run without user interface | `[]` |
 //! | `kind` | `"process"` of this machine, or the kind of an extension | `"process"` |
 //! | `loops` | the way in which servo loops run: in `"threads"`, in `"signals"` if the program allows it, or `"spin"` (see [`condor_rt::linux`]) | `"threads"` |
@@ -261,8 +261,8 @@ pub struct ProcessorEntry {
     pub loop_times_us: Vec<u32>,
     /// The servo loops that it declares.
     pub servo_loops: Vec<DeclaredLoop>,
-    /// Whether a fatal error of its program holds it for a debugger; `None` means that it does where a person uses
-    /// the user interface.
+    /// Whether a fatal error of its program holds it for a debugger; `None` means that it does in a system that is brought up
+    /// in the user interface, if the program would be restarted.
     pub hold_exceptions: Option<bool>,
     /// Whether a floating-point exception in a servo loop is a fatal error.
     pub float_exceptions: bool,

@@ -60,8 +60,8 @@ pub trait Launch {
     /// Returns the state of the program.
     fn state(&mut self) -> RunState;
 
-    /// Returns true if a debugger holds the program, apart from one of this machine that traces its
-    /// [`process`](Self::process).
+    /// Returns true if the program has stopped to wait for a debugger, or one holds it, apart from a debugger of this machine
+    /// that traces its [`process`](Self::process).
     fn is_held(&self) -> bool {
         false
     }

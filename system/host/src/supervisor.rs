@@ -70,8 +70,8 @@ pub struct SupervisorOptions {
     pub own: Vec<&'static str>,
     /// Whether events are written to standard error, too.
     pub echo: bool,
-    /// Whether a person uses the user interface: then a fatal error holds a program for a debugger, unless the
-    /// description says otherwise.
+    /// Whether the system is brought up in the user interface: then a fatal error holds a program that would be restarted
+    /// for a debugger, unless the description says otherwise.
     pub attended: bool,
     /// The time after which the system is taken down, by the real or the simulated clock; `None`
     /// means never.

@@ -3,7 +3,7 @@
 use core::fmt;
 
 /// The floating-point exceptions that hide a mistake: an invalid operation, a division by zero, and an overflow
-/// (IEEE 754-2019, section 7). That a result is not exact, or close to zero, is none of them.
+/// (IEEE 754-2019, section 7). Inexact results and underflow do not count.
 ///
 /// Processors note exceptions and go on. Each thread, and each hart, has its own notes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,10 +19,12 @@ pub struct FloatExceptions {
 
 impl FloatExceptions {
     /// Returns the exceptions that the calling thread, or this hart, has raised since the last call, and clears its notes.
-    /// Returns none on processors other than x86-64, `AArch64`, and RISC-V with floating point.
+    /// Returns none on processors other than x86-64, `AArch64` and RISC-V, and on a hart without floating point. A hart
+    /// without an operating system must be in machine mode.
     ///
-    /// A compiler may move arithmetic past this call, and may do arithmetic whose result is not used. So call it between
-    /// functions that it cannot see into, and take an exception as a hint where to look.
+    /// A compiler may move arithmetic past this call, so call it between functions that it cannot see into. It may also do
+    /// arithmetic whose result is not used, and a conversion of a number that is too large for an integer type, which
+    /// Rust defines, counts as invalid.
     #[must_use]
     pub fn take() -> Self {
         notes::take()
@@ -102,7 +104,7 @@ mod notes {
     }
 }
 
-#[cfg(all(target_arch = "riscv64", target_feature = "d", not(miri)))]
+#[cfg(all(any(target_arch = "riscv32", target_arch = "riscv64"), not(miri)))]
 mod notes {
     use core::arch::asm;
 
@@ -110,14 +112,30 @@ mod notes {
 
     /// The bits of `fflags`.
     const BITS: [u32; 3] = [1 << 4, 1 << 3, 1 << 2];
+    /// `mstatus.FS`, which is 0 if there is no unit, or if it is off. A compiler tells a crate nothing of it.
+    const UNIT: usize = 3 << 13;
 
     pub(super) fn take() -> FloatExceptions {
-        let word: u64;
-        // SAFETY: it reads notes, and clears those of three exceptions.
+        if !is_on() {
+            return FloatExceptions::default();
+        }
+        let word: usize;
+        // SAFETY: the unit is on; this reads notes, and clears those of three exceptions.
         unsafe {
-            asm!("csrrc {}, fflags, {}", out(reg) word, in(reg) 0b1_1100_u64, options(nomem, nostack));
+            asm!("csrrc {}, 1, {}", out(reg) word, in(reg) 0b1_1100_usize, options(nomem, nostack));
         }
         FloatExceptions::of(word as u32, BITS)
+    }
+
+    /// Programs of an operating system have the unit on.
+    fn is_on() -> bool {
+        if cfg!(not(target_os = "none")) {
+            return true;
+        }
+        let status: usize;
+        // SAFETY: a hart in machine mode may read it.
+        unsafe { asm!("csrr {}, mstatus", out(reg) status, options(nomem, nostack)) };
+        status & UNIT != 0
     }
 }
 
@@ -126,7 +144,8 @@ mod notes {
     not(any(
         target_arch = "x86_64",
         target_arch = "aarch64",
-        all(target_arch = "riscv64", target_feature = "d")
+        target_arch = "riscv32",
+        target_arch = "riscv64"
     ))
 ))]
 mod notes {

@@ -147,7 +147,8 @@ pub trait Machine: Sync {
 
     /// Returns true if a floating-point exception that a servo loop has raised is fatal: a program that
     /// [`Setup`](crate::Setup) runs looks after each run of a loop, and then [fails](Self::fail). The default returns false.
-    /// [`FloatExceptions`](condor_platform::FloatExceptions) says which exceptions count.
+    /// [`FloatExceptions`](condor_platform::FloatExceptions) says which exceptions count; a conversion of a number that is
+    /// too large for an integer type does, too.
     fn is_float_exception_fatal(&self) -> bool {
         false
     }

@@ -135,7 +135,7 @@ impl Loop<'_> {
                 let _ = sampler.begin();
             }
             if looks_at_floats {
-                // Those of the background, which this loop may have interrupted, are not its own.
+                // The background, which this loop may have interrupted, may have raised some.
                 let _ = FloatExceptions::take();
             }
             (self.body)(&mut LoopTick {

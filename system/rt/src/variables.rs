@@ -84,7 +84,11 @@ impl<'e> RateParam<'e> {
     /// hertz; `None` if the loop is to rest.
     pub(crate) fn rate_of(&self, hz: f64) -> Option<Rate> {
         let is_first = hz.to_bits() == self.first.as_hz().to_bits();
-        if is_first { Some(self.first) } else { rate_of(hz) }
+        if is_first {
+            Some(self.first)
+        } else {
+            rate_of(hz)
+        }
     }
 
     /// Returns the rate that was set last, in Hz.

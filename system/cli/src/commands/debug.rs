@@ -6,7 +6,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
+use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Receiver;
@@ -140,17 +140,25 @@ impl Gdb {
 
     /// Starts the debugger of this machine on a process.
     fn process(&self, running: &Running, member: &Member) -> Result<(), AnyError> {
-        let pid = if self.start {
-            start_held(running, &member.name)?
-        } else {
-            member.pid
-        };
+        let mut is_held = member.state == MemberState::Held;
+        let mut pid = member.pid;
+        if self.start {
+            // Not after the program was stopped for it.
+            spawn(self.command(HERE).arg("--version").stdout(Stdio::null()))?.wait()?;
+            (pid, is_held) = (start_held(running, &member.name)?, true);
+        }
         let pid = pid.ok_or("the program of the processor does not run")?;
         let mut command = self.command(HERE);
         if self.non_stop {
             command.args(["-iex", "set non-stop on"]);
         }
         command.arg("-p").arg(pid.to_string());
+        if is_held {
+            // Otherwise the kernel stops it again when the debugger goes away.
+            let ignored = "handle SIGCONT nostop noprint pass";
+            let continued = format!("shell kill -CONT {pid}");
+            command.args(["-ex", ignored, "-ex", &continued]);
+        }
         let status = spawn(command.args(&self.arguments))?.wait()?;
         if status.success() {
             Ok(())
@@ -174,7 +182,10 @@ fn start_held(running: &Running, name: &str) -> Result<Option<u32>, AnyError> {
 
 fn spawn(command: &mut Command) -> Result<Child, AnyError> {
     let name = command.get_program().to_string_lossy().into_owned();
-    let failed = |error| format!("cannot start {name}: {error}").into();
+    let failed = |error| {
+        format!("cannot start {name}: {error}; install it, or name another debugger by `--gdb`")
+            .into()
+    };
     command.spawn().map_err(failed)
 }
 

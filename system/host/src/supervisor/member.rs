@@ -196,6 +196,7 @@ impl Member {
             Phase::Stopped => false,
             Phase::Failed | Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => true,
             Phase::Ending { then, .. } => then == NextStep::Fail,
+            Phase::Up { .. } if self.held_since.is_some() => self.launch.process().is_some(),
             Phase::Up { .. } => {
                 let lived = self.started.map(|started| started.elapsed());
                 let is_fresh = lived.is_some_and(|lived| lived < SHORT);
@@ -206,7 +207,10 @@ impl Member {
 
     /// Returns true if the members after this one may be started.
     pub(super) fn lets_pass(&self) -> bool {
-        self.has_joined || self.has_entered || matches!(self.phase, Phase::Stopped | Phase::Failed)
+        self.has_joined
+            || self.has_entered
+            || self.held_since.is_some()
+            || matches!(self.phase, Phase::Stopped | Phase::Failed)
     }
 
     fn tell(&self, journal: &mut Journal, text: impl Into<String>) {
@@ -337,6 +341,10 @@ impl Member {
         now: Instant,
         journal: &mut Journal,
     ) {
+        if self.is_held() {
+            // The time in which it must join begins when it goes on.
+            (self.started, self.has_turn_since) = (Some(now), None);
+        }
         let started = self.started.unwrap_or(now);
         self.has_entered |= mailbox.has_entered(self.plan.number);
         let since = if !mailbox.counts(self.plan.number) {
@@ -352,7 +360,7 @@ impl Member {
             (self.has_joined, self.incarnation_joined) = (true, true);
             let took = now.duration_since(started).as_secs_f64();
             self.tell(journal, format!("joined after {took:.3} s"));
-        } else if now >= since + JOIN && self.plan.stall.is_some() && !self.is_held() {
+        } else if now >= since + JOIN && self.plan.stall.is_some() {
             let text = format!("has not joined within {} s", JOIN.as_secs());
             self.give_up(&text, journal);
         }
@@ -590,9 +598,21 @@ impl Member {
         self.tell(journal, format!("{text}; restart {}", self.restarts));
     }
 
+    /// Returns the result of a request to start the program so that it waits for a debugger; `None` as long as it is not
+    /// known.
+    pub(super) fn is_held_at_start(&self) -> Option<Result<(), String>> {
+        match self.phase {
+            Phase::Starting if self.held_since.is_some() => Some(Ok(())),
+            Phase::Up { .. } => Some(Err(format!(
+                "`{}` runs, and has not waited for a debugger: its program must be started directly, not by another one",
+                self.plan.name
+            ))),
+            _ => self.outcome(false),
+        }
+    }
+
     /// Returns the result of a request to run the program; `None` as long as it is not known. While time
-    /// `is_paused`, a program that has entered joins only after the person who asks lets time go on, and one that is
-    /// held for a debugger joins only after somebody has it go on.
+    /// `is_paused`, a program that has entered joins only after the person who asks lets time go on.
     pub(super) fn outcome(&self, is_paused: bool) -> Option<Result<(), String>> {
         let exit = || match &self.last_exit {
             Some(exit) => format!("`{}` is not running; its last end: {exit}", self.plan.name),
@@ -600,9 +620,13 @@ impl Member {
         };
         match self.phase {
             Phase::Up { .. } => Some(Ok(())),
-            Phase::Starting if is_paused && self.has_entered || self.held_since.is_some() => {
-                Some(Ok(()))
+            Phase::Starting if self.held_since.is_some() => {
+                let name = &self.plan.name;
+                Some(Err(format!(
+                    "`{name}` is held for a debugger before it has joined"
+                )))
             }
+            Phase::Starting if is_paused && self.has_entered => Some(Ok(())),
             Phase::Failed | Phase::Stopped => Some(Err(exit())),
             _ => None,
         }

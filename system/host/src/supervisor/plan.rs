@@ -77,7 +77,9 @@ pub(super) fn members(
         let mut environment = system.environment(number);
         environment.bus.clone_from(&furniture.bus);
         environment.shared_memory.clone_from(&furniture.shared);
-        environment.hold_exceptions = processor.hold_exceptions.unwrap_or(attended);
+        let held = processor.hold_exceptions;
+        environment.hold_exceptions =
+            held.unwrap_or(attended && processor.on_failure == OnFailure::Restart);
         environment.float_exceptions = processor.float_exceptions;
         for (time, &us) in environment.work_ns.iter_mut().zip(&processor.loop_times_us) {
             *time = u64::from(us) * 1000;

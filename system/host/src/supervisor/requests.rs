@@ -6,7 +6,7 @@ use super::member::{Member, NextStep, Phase};
 use super::time::Change;
 use super::{Supervisor, plan};
 use crate::control::server::From;
-use crate::control::{ControlAnswer, ControlRequest};
+use crate::control::{ControlAnswer, ControlRequest, MemberState};
 use crate::error::me;
 
 /// A request that is answered when it has been carried out.
@@ -31,6 +31,8 @@ pub(super) enum Asker {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Wish {
     Runs,
+    /// It waits for a debugger before it runs.
+    Held,
     Ended,
 }
 
@@ -146,7 +148,10 @@ impl Supervisor<'_> {
     /// Refuses to end a program while somebody has paused the time: it could not notice that it is to end.
     fn check_can_end(&self, place: usize) -> Result<(), String> {
         let member = self.members.get(place);
-        let waits = member.is_some_and(|it| it.is_alive() && !it.plan.is_service());
+        // A process that is held is killed, and need not notice anything.
+        let is_killed = |it: &Member| it.state() == MemberState::Held && it.plan.runs_here;
+        let waits =
+            member.is_some_and(|it| it.is_alive() && !it.plan.is_service() && !is_killed(it));
         if waits && self.mailbox.is_paused() {
             let (system, me) = (&self.description.name, me());
             return Err(format!(
@@ -207,7 +212,7 @@ impl Supervisor<'_> {
                 "`{processor}` is a service, which a person alone restarts"
             ));
         }
-        self.run_again(from, place);
+        self.run_again(from, place, Wish::Runs);
         Ok(None)
     }
 
@@ -249,12 +254,13 @@ impl Supervisor<'_> {
             self.journal.tell(&member.plan.name, text, None);
         }
         member.replace(image, program, arguments);
-        self.run_again(from, place);
+        let wish = if held { Wish::Held } else { Wish::Runs };
+        self.run_again(from, place, wish);
         Ok(None)
     }
 
     /// Ends a program if it runs, and starts the one that was loaded last.
-    fn run_again(&mut self, from: Asker, place: usize) {
+    fn run_again(&mut self, from: Asker, place: usize, wish: Wish) {
         if let Some(member) = self.members.get_mut(place) {
             if matches!(member.phase, Phase::Stopped | Phase::Failed) {
                 member.wish();
@@ -262,7 +268,7 @@ impl Supervisor<'_> {
                 member.end(NextStep::Start, &self.mailbox, &mut self.journal);
             }
         }
-        self.promise(from, place, Wish::Runs);
+        self.promise(from, place, wish);
     }
 
     /// Answers what has been carried out.
@@ -273,8 +279,9 @@ impl Supervisor<'_> {
             };
             let outcome = match (promise.what, self.down) {
                 (Wish::Ended, _) => (!member.is_alive()).then_some(Ok(())),
-                (Wish::Runs, Some(_)) => Some(Err("the system is going down".into())),
+                (Wish::Runs | Wish::Held, Some(_)) => Some(Err("the system is going down".into())),
                 (Wish::Runs, None) => member.outcome(self.mailbox.is_paused()),
+                (Wish::Held, None) => member.is_held_at_start(),
             };
             match outcome {
                 Some(Ok(())) => self.answer(promise.to, done()),

@@ -10,7 +10,7 @@ mod thread_words;
 mod whole_file;
 
 pub use bus_error::{MemoryFault, Repair, on_bus_error};
-pub use fatal_signal::{hold_at_fatal_errors, hold_for_debugger};
+pub use fatal_signal::{end_by_arithmetic, hold_at_fatal_errors, hold_for_debugger};
 pub use file_lock::{LOCK_PATIENCE, lock_file, while_held};
 pub use lock::PiLock;
 pub use regular::{open_regular, read_regular, read_text};

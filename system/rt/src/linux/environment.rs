@@ -150,13 +150,13 @@ pub struct Environment {
     pub loops: LoopContext,
     /// Whether the process stops at a fatal error, that is, a panic or a signal such as SIGSEGV, and waits for a
     /// debugger as it is.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub hold_exceptions: bool,
     /// Whether the process stops before its program runs, and waits for a debugger.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub hold_at_start: bool,
     /// Whether a floating-point exception in a servo loop is [fatal](crate::Machine::is_float_exception_fatal).
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub float_exceptions: bool,
     /// The core on which the program runs; `None` means any core.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -167,22 +167,14 @@ pub struct Environment {
     pub priority: Option<u8>,
 }
 
-#[allow(
-    clippy::trivially_copy_pass_by_ref,
-    reason = "serde passes a reference"
-)]
-const fn is_false(value: &bool) -> bool {
-    !*value
-}
-
 /// A processor as its number.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Processor")]
 struct Number(u8);
 
 impl Environment {
-    /// Makes the settings of a processor of the mailbox system in the directory `system`, with those that can be left out
-    /// as if they were.
+    /// Makes the settings of a processor of the mailbox system in the directory `system`, with the defaults of all optional
+    /// settings.
     #[must_use]
     pub fn new(system: PathBuf, window_bytes: u32, processor: Processor) -> Self {
         Self {

@@ -17,7 +17,7 @@
 //! | while a loop runs, the background and slower loops | can run on other cores | do not run; but a loop cannot interrupt them | do not run; the loop has interrupted them |
 //! | messages are served | by a thread of their own, even while the background computes | while the background waits | while the background waits |
 //! | boards interrupt | in a thread of their own | where the background polls the timer | in a thread of their own; with a priority, and on the same core, where the background waits |
-//! | a loop that panics | is disabled, and counts as `faulted` | ends the program | ends the program |
+//! | a loop that panics; with [`hold_exceptions`](Environment::hold_exceptions) the process stops first | is disabled, and counts as `faulted` | ends the program | ends the program |
 //! | `main` calls | [`run`] | [`run`] | [`run_allowing_signals`], which is `unsafe` |
 //! | the [`priority`](Environment::priority) applies to | the fastest loop; each slower loop has the next lower priority | the program | the program |
 //!

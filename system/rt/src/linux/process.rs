@@ -14,8 +14,8 @@ use condor_mbox::spin_lock::NativeSwap;
 use condor_mbox::{AccessError, Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
 use condor_mos::linux::{Privileges, RealTime, SignalPlatform, Threads};
 use condor_mos::{Histograms, Loops, Rate};
-use condor_platform::linux::{hold_at_fatal_errors, hold_for_debugger};
-use signal_hook::consts::{SIGFPE, SIGINT, SIGTERM};
+use condor_platform::linux::{end_by_arithmetic, hold_at_fatal_errors, hold_for_debugger};
+use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::bell::{ProcessBell, Ringing};
 use super::bus::ProcessBus;
@@ -33,6 +33,7 @@ use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
 use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
 use crate::simulated::{self, SimulatedBell, SimulatedSection, SimulatedTimer};
+use crate::text::ShortText;
 
 /// The longest wait for a number whose previous owner is exiting.
 const SUCCESSION: Duration = Duration::from_secs(5);
@@ -40,6 +41,8 @@ const SUCCESSION: Duration = Duration::from_secs(5);
 const LOOK: Duration = Duration::from_millis(5);
 /// The number of times in a row that boards may ask again at once.
 const MOST_IN_A_ROW: u32 = 16;
+/// The longest text of a fatal error, in bytes.
+const FAILURE_BYTES: usize = 240;
 /// The longest sleep of a thread that serves.
 const NAP: Duration = Duration::from_millis(100);
 
@@ -478,9 +481,8 @@ impl Machine for LinuxProcess {
     }
 
     fn fail(&self, error: &ProgramError) {
-        eprintln!("{}: {error}", self.number);
-        // The kernel cannot refuse it.
-        let _ = signal_hook::low_level::raise(SIGFPE);
+        let text = ShortText::<FAILURE_BYTES>::of(&format_args!("{}: {error}", self.number));
+        end_by_arithmetic(text.as_str());
     }
 
     /// With loops in threads, messages are served in one, too.

@@ -195,11 +195,7 @@ fn describe(place: &Path) -> Outcome<PathBuf> {
             &format!("{:?}", hand.display().to_string()),
         )
         // However often they are killed, they are not given up.
-        .replace("name = \"master\"", "name = \"master\"\nrestarts = 1000000")
-        .replace(
-            "headless = [\"enable\", \"run wave\"]",
-            "headless = [\"enable\"]",
-        );
+        .replace("name = \"master\"", "name = \"master\"\nrestarts = 1000000");
     let gateway = env!("CARGO_BIN_EXE_condor-gateway");
     text += "\n[[processors]]\nnumber = 10\nname = \"observer\"\nprogram = \"self\"\narguments = [\"observer\"]\n";
     let own = format!("\nprogram = {gateway:?}\n\n[services]\nrestarts = 1000000\n");
