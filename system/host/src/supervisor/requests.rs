@@ -31,7 +31,7 @@ pub(super) enum Asker {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Wish {
     Runs,
-    /// It waits for a debugger before it runs.
+    /// The program waits for a debugger before it runs.
     Held,
     Ended,
 }

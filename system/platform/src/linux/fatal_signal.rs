@@ -56,7 +56,7 @@ pub fn hold_at_fatal_errors() -> io::Result<()> {
 ///
 /// It is async-signal-safe.
 pub fn hold_for_debugger() {
-    // Whoever started this program may have had it ignore the signal.
+    // A program can inherit that it ignores the signal.
     let _ = set_action(libc::SIGTSTP, libc::SIG_DFL, 0);
     let mut signals = MaybeUninit::<libc::sigset_t>::zeroed();
     // SAFETY: the set is this function's; the three functions are async-signal-safe, and a signal whose action is the

@@ -277,6 +277,32 @@ fn a_fatal_exception_waits_for_a_debugger_while_others_go_on() {
 
 #[test]
 #[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
+fn a_process_is_debugged_from_its_start_and_goes_on_without_its_debugger() {
+    let process = "[[processors]]\nnumber = 3\nname = \"three\"\nprogram = \"self\"\narguments = [\"echo\"]\n";
+    let up = described("", process, "debugged", "");
+    let before = up.member("three").pid;
+    let start = ["three", "--start", "--gdb", "gdb-multiarch"];
+    let seen = gdb(
+        &up,
+        &start,
+        "tbreak pthread_create\n\
+         continue\n\
+         backtrace 1\n\
+         detach\n",
+    );
+    contains(
+        &seen,
+        &["Temporary breakpoint 1, ", "pthread_create", "detached"],
+    );
+    up.wait_for("three", MemberState::Running);
+    let after = up.member("three");
+    assert_ne!(after.pid, before);
+    assert_eq!(after.restarts, 0);
+    both_run(&up);
+}
+
+#[test]
+#[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
 fn a_handler_of_interrupts_is_stepped_through() {
     let up = up("");
     // From before it has saved the interrupted state until after it has restored it.
