@@ -102,7 +102,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("imports", "cycles of imports, in every workspace", imports::run),
     Part::new("words", "rules for docs, comments, READMEs, help and error texts", words::run),
     Part::new("docs", "rustdoc without warnings", docs::run),
-    Part::new("lint", "clippy over all targets, in every workspace", lint::run),
+    Part::new("lint", "clippy over all targets (with `--whole` in every workspace)", lint::run),
     Part::new("features", "each feature (with `--whole` each two), with the oldest toolchain", features::run),
     Part::new("no-std", "the libraries, built for bare-metal targets", no_std::run),
     Part::new("suites", "fsx and pjdfstest over condor-fs, while its server is killed", suites::run),
