@@ -36,7 +36,7 @@ impl FloatExceptions {
         self.invalid || self.division_by_zero || self.overflow
     }
 
-    /// Those whose bits of `notes` are set.
+    /// Reads the three exceptions from the register `notes`, where each has the bit that is given for it.
     #[allow(dead_code, reason = "not all processors have notes")]
     const fn of(notes: u32, [invalid, division_by_zero, overflow]: [u32; 3]) -> Self {
         Self {

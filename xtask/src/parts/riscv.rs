@@ -13,7 +13,7 @@ use crate::tools::{need_debian, need_qemu, need_target};
 
 /// The number of runs of the hand: by the real clock a servo is late on a machine that is busy, and a
 /// finger lets go.
-const HAND_RUNS: u32 = 6;
+const HAND_RUNS: u32 = 3;
 /// The seconds for which the hand runs, and the harts whose time counts instructions.
 const HAND_SECONDS: u32 = 10;
 const EXACT_SECONDS: u32 = 5;

@@ -108,7 +108,7 @@ extern "C" fn handle(signal: c_int, info: *mut libc::siginfo_t, _: *mut c_void) 
         _ => b"fatal error: SIGABRT, the program has ended itself\n",
     });
     hold_for_debugger();
-    // The kernel takes it for a valid signal, as before.
+    // The kernel refuses numbers that are no signal, and this is one.
     let _ = set_action(signal, libc::SIG_DFL, 0);
     // SAFETY: the kernel passes a valid `siginfo_t` to a handler with SA_SIGINFO.
     if unsafe { (*info).si_code } <= 0 {

@@ -1,4 +1,5 @@
-//! Locks and critical sections of Linux threads, the handler of SIGBUS, programs that a fatal error holds, files, and their locks.
+//! Locks and critical sections of Linux threads, the handler of SIGBUS, programs that a fatal error holds, files, and
+//! their locks.
 
 mod bus_error;
 mod fatal_signal;
