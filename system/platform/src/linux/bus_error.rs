@@ -13,6 +13,8 @@ use core::sync::atomic::{AtomicPtr, Ordering};
 use std::io;
 use std::sync::OnceLock;
 
+use super::fatal_signal;
+
 /// The number of functions that may register: the crates of Condor that access memory, and some more.
 const REPAIRS: usize = 8;
 
@@ -216,11 +218,7 @@ fn pass_on(sent: bool, signal: c_int, info: *mut libc::siginfo_t, context: *mut 
 }
 
 fn set_default() {
-    let mut action = MaybeUninit::<libc::sigaction>::zeroed();
-    // SAFETY: all-zero is the default action with an empty mask.
-    let action = unsafe { action.assume_init_mut() };
-    action.sa_sigaction = libc::SIG_DFL;
-    let _ = set_action(action);
+    let _ = fatal_signal::set_action(libc::SIGBUS, libc::SIG_DFL, 0);
 }
 
 /// Ends the program by this very signal: a fault repeats itself once the handler is gone.

@@ -84,7 +84,8 @@ fn write(bytes: &[u8]) {
     unsafe { libc::write(libc::STDERR_FILENO, bytes.as_ptr().cast(), bytes.len()) };
 }
 
-fn set_action(signal: c_int, handler: usize, flags: c_int) -> io::Result<()> {
+/// Sets the action of a signal, which must be a constant of libc or a handler as `flags` says.
+pub(super) fn set_action(signal: c_int, handler: usize, flags: c_int) -> io::Result<()> {
     let mut action = MaybeUninit::<libc::sigaction>::zeroed();
     // SAFETY: all-zero is the default action with an empty mask.
     let action = unsafe { action.assume_init_mut() };
