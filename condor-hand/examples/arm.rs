@@ -99,8 +99,8 @@ fn run(load_kg: f64, start: &Joints, end: &Joints) -> Option<(f64, f64)> {
 
 /// The torques with which every joint corrects its error as if it were alone.
 fn computed_torque(
-    arm: &Chain<f64, JOINTS>,
-    drive: &DriveDynamics<f64, JOINTS>,
+    arm: &Chain<JOINTS>,
+    drive: &DriveDynamics<JOINTS>,
     wanted: &Setpoint,
     q: &Joints,
     qd: &Joints,
@@ -125,7 +125,7 @@ fn minimum_jerk(start: &Joints, end: &Joints, duration: f64, time: f64) -> Setpo
 }
 
 /// Rolls and pitches in turn: shoulder, elbow and wrist, 1.1 m from the table to the tip, 11.4 kg.
-fn arm(load_kg: f64) -> Chain<f64, JOINTS> {
+fn arm(load_kg: f64) -> Chain<JOINTS> {
     // Height above the joint before, m; mass, kg; length of the link, m.
     let links = [
         (0.20, 3.0, 0.12),
@@ -173,7 +173,7 @@ fn rod(mass: f64, length: f64, load_kg: f64) -> ChainBody {
 }
 
 /// Direct drives: rotors without gears, and little friction.
-fn drive() -> DriveDynamics<f64, JOINTS> {
+fn drive() -> DriveDynamics<JOINTS> {
     DriveDynamics {
         armature: Joints::from([8.0, 8.0, 5.0, 5.0, 1.0, 1.0, 0.5]) * 1e-3,
         viscous: Joints::from([0.2, 0.2, 0.1, 0.1, 0.02, 0.02, 0.01]),

@@ -103,7 +103,7 @@ struct Bench<const M: usize> {
     plant: plant::SimHand<PlanarFinger, M, 4>,
     fingers: [FingerController<PlanarFinger, 4>; M],
     velocities: [Vector4<f64>; M],
-    law: Option<GraspStiffness<f64, M, 4>>,
+    law: Option<GraspStiffness<M, 4>>,
     /// The force and the moment that push the ball, N and N m.
     push: [f64; 6],
     /// The share of the ball's weight that a hand outside of the simulation still holds, 1 to 0.
@@ -199,7 +199,7 @@ impl<const M: usize> Bench<M> {
         Ok(())
     }
 
-    fn tuning(&self, squeeze: f64) -> Result<GraspTuning<f64, M, 4>, Box<dyn Error>> {
+    fn tuning(&self, squeeze: f64) -> Result<GraspTuning<M, 4>, Box<dyn Error>> {
         let center = self.ball().position;
         Ok(GraspTuning {
             stiffness: SpatialGain::diagonal(STIFFNESS)?,
@@ -285,7 +285,7 @@ impl<const M: usize> Bench<M> {
         wrench
     }
 
-    fn states(&self) -> [FingerState<f64, 4>; M] {
+    fn states(&self) -> [FingerState<4>; M] {
         let gravity = Vector3::from(self.hand.gravity);
         core::array::from_fn(|index| {
             let finger = &self.plant.fingers()[index];

@@ -18,11 +18,11 @@ pub use nearest::{Nearest, Side};
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::{Pose, Real};
+use crate::Pose;
 
 /// The Jacobian of a fingertip, in the axes of the palm: one column for each joint, whose rows are
 /// the motion of the tip along x, y, z (m/rad) and then about x, y, z (rad/rad).
-pub type Jacobian<T, const N: usize> = SMatrix<T, 6, N>;
+pub type Jacobian<const N: usize> = SMatrix<f64, 6, N>;
 
 /// The kinematics of a serial mechanism of N joints: where its tip is, and how the joints move the
 /// tip.
@@ -36,15 +36,15 @@ pub type Jacobian<T, const N: usize> = SMatrix<T, 6, N>;
 ///
 /// Two implementations exist: [`Chain`] for any mechanism, and the closed form [`PlanarFinger`].
 /// The pose that `kinematics` returns must be exactly that of `tip`.
-pub trait Kinematics<T: Real, const N: usize> {
+pub trait Kinematics<const N: usize> {
     /// Returns the pose of the frame at the tip, in the frame of the palm.
-    fn tip(&self, q: &SVector<T, N>) -> Pose<T>;
+    fn tip(&self, q: &SVector<f64, N>) -> Pose;
 
     /// Returns the pose of the frame at the tip, in the frame of the palm, and its Jacobian,
     /// together.
-    fn kinematics(&self, q: &SVector<T, N>) -> (Pose<T>, Jacobian<T, N>);
+    fn kinematics(&self, q: &SVector<f64, N>) -> (Pose, Jacobian<N>);
 
     /// Returns the unit direction in which the joints move without moving the tip's position;
     /// `None` if there is none, or more than one.
-    fn self_motion(&self, q: &SVector<T, N>) -> Option<SVector<T, N>>;
+    fn self_motion(&self, q: &SVector<f64, N>) -> Option<SVector<f64, N>>;
 }

@@ -53,6 +53,5 @@ pub mod plant;
 pub mod hostile;
 
 pub use image::ImageError;
-pub use math::Real;
 pub use number::{NumberError, Requirement, Subject};
 pub use pose::{Pose, rotation_about};

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use crate::decimal::Decimal;
 use crate::fault_code::FaultCode;
-use crate::math::{Real, abs, is_finite, round, sqrt};
+use crate::math::{abs, is_finite, round, sqrt};
 
 /// The error that a number has a value which its use does not permit.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -202,12 +202,7 @@ impl fmt::Display for Requirement {
     }
 }
 
-pub(crate) fn check<T: Real>(
-    what: &'static str,
-    value: T,
-    must: Requirement,
-) -> Result<(), NumberError> {
-    let value = value.to_f64();
+pub(crate) fn check(what: &'static str, value: f64, must: Requirement) -> Result<(), NumberError> {
     if must.holds(value) {
         Ok(())
     } else {
@@ -228,28 +223,28 @@ pub(crate) fn check<T: Real>(
 /// rounded, and the short time between two points makes a large acceleration of a rounded position:
 /// at 1 kHz, of 1 rad, 1e-9 rad/s². No robot can tell the difference, and what is refused differs
 /// from its limit in the digits that an error shows.
-pub(crate) fn tolerance<T: Real>(scale: T) -> T {
-    abs(scale) * sqrt(T::default_epsilon())
+pub(crate) fn tolerance(scale: f64) -> f64 {
+    abs(scale) * sqrt(f64::EPSILON)
 }
 
 /// Checks a number of a motion, which may be beyond its limit by the [`tolerance`].
-pub(crate) fn check_motion<T: Real>(
+pub(crate) fn check_motion(
     what: &'static str,
-    value: T,
+    value: f64,
     must: Requirement,
-    scale: T,
+    scale: f64,
 ) -> Result<(), NumberError> {
-    check(what, value, must.loosened(tolerance(scale).to_f64()))
+    check(what, value, must.loosened(tolerance(scale)))
         .map_err(|error| NumberError { must, ..error })
 }
 
 /// Returns whether a position is in a range, or beyond it by no more than the [`tolerance`].
-pub(crate) fn is_within<T: Real>(position: T, low: T, high: T) -> bool {
+pub(crate) fn is_within(position: f64, low: f64, high: f64) -> bool {
     let room = tolerance(high - low);
     low - room <= position && position <= high + room
 }
 
-pub(crate) fn finite<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
+pub(crate) fn finite(what: &'static str, value: f64) -> Result<(), NumberError> {
     if is_finite(value) {
         Ok(())
     } else {
@@ -257,11 +252,11 @@ pub(crate) fn finite<T: Real>(what: &'static str, value: T) -> Result<(), Number
     }
 }
 
-pub(crate) fn positive<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
+pub(crate) fn positive(what: &'static str, value: f64) -> Result<(), NumberError> {
     check(what, value, Requirement::Above(0.0))
 }
 
-pub(crate) fn not_negative<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
+pub(crate) fn not_negative(what: &'static str, value: f64) -> Result<(), NumberError> {
     check(what, value, Requirement::AtLeast(0.0))
 }
 
@@ -271,8 +266,8 @@ pub(crate) fn count(things: usize) -> f64 {
 }
 
 /// The time between samples, s.
-pub(crate) fn period<T: Real>(sample_hz: T) -> Result<T, NumberError> {
-    let period = T::one() / sample_hz;
+pub(crate) fn period(sample_hz: f64) -> Result<f64, NumberError> {
+    let period = 1.0 / sample_hz;
     positive("the sample rate, Hz,", sample_hz)?;
     positive("the time between samples, s,", period).map(|()| period)
 }

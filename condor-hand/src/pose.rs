@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, Vector3};
 
-use crate::math::{Real, sin_cos};
+use crate::math::sin_cos;
 
 /// The pose of a frame relative to a parent frame: its axes as the columns of a rotation matrix,
 /// and its origin in metres.
@@ -15,14 +15,14 @@ use crate::math::{Real, sin_cos};
 /// assert!((tip - Vector3::new(0.1, 0.05, 0.0)).norm() < 1e-12);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose<T: Real = f64> {
+pub struct Pose {
     /// The axes of the frame, as columns.
-    pub rotation: Matrix3<T>,
+    pub rotation: Matrix3<f64>,
     /// The origin of the frame, m.
-    pub position: Vector3<T>,
+    pub position: Vector3<f64>,
 }
 
-impl<T: Real> Pose<T> {
+impl Pose {
     /// Returns the pose of a frame that is the same as its parent frame.
     #[must_use]
     pub fn identity() -> Self {
@@ -35,7 +35,7 @@ impl<T: Real> Pose<T> {
     /// Returns the pose of a frame whose origin is at (`x`, `y`, `z`), in m, and whose axes are
     /// those of the parent frame.
     #[must_use]
-    pub fn at(x: T, y: T, z: T) -> Self {
+    pub fn at(x: f64, y: f64, z: f64) -> Self {
         Self {
             rotation: Matrix3::identity(),
             position: Vector3::new(x, y, z),
@@ -45,7 +45,7 @@ impl<T: Real> Pose<T> {
     /// Converts the coordinates of `point` (m) from this frame into the parent frame.
     #[inline(always)]
     #[must_use]
-    pub fn transform(&self, point: &Vector3<T>) -> Vector3<T> {
+    pub fn transform(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.position + self.rotation * point
     }
 
@@ -65,9 +65,9 @@ impl<T: Real> Pose<T> {
 /// formula `c 1 + s [a] + (1 - c) a aᵀ`.
 #[inline]
 #[must_use]
-pub fn rotation_about<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
+pub fn rotation_about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     let (s, c) = sin_cos(angle);
-    let turned = axis * (T::one() - c);
+    let turned = axis * (1.0 - c);
     let (x, y, z) = (axis.x, axis.y, axis.z);
     Matrix3::new(
         turned.x * x + c,
@@ -83,9 +83,9 @@ pub fn rotation_about<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
 }
 
 /// The rotation of a unit quaternion.
-pub(crate) fn rotation_of<T: Real>(w: T, v: &Vector3<T>) -> Matrix3<T> {
+pub(crate) fn rotation_of(w: f64, v: &Vector3<f64>) -> Matrix3<f64> {
     let (x, y, z) = (v.x, v.y, v.z);
-    let one = T::one();
+    let one = 1.0;
     let two = one + one;
     Matrix3::new(
         one - two * (y * y + z * z),

@@ -53,29 +53,29 @@ pub use stream::{JointStream, JointStreamError, StreamEnd, StreamPoint, StreamQu
 pub use interpolator::Interpolator;
 
 use crate::Subject;
-use crate::math::{Real, abs, max, min};
+use crate::math::{abs, max, min};
 use crate::number::{NumberError, Requirement, check, finite, is_within, positive};
 
 /// The desired state of a joint at an instant: its position, velocity and acceleration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct SetPoint<T> {
+pub struct SetPoint {
     /// The position, rad.
-    pub position: T,
+    pub position: f64,
     /// The velocity, rad/s.
-    pub velocity: T,
+    pub velocity: f64,
     /// The acceleration, rad/s².
-    pub acceleration: T,
+    pub acceleration: f64,
 }
 
-impl<T: Real> SetPoint<T> {
+impl SetPoint {
     /// Makes a set-point for a joint that rests at `position` (rad): velocity and acceleration are
     /// zero.
     #[must_use]
-    pub fn rest(position: T) -> Self {
+    pub fn rest(position: f64) -> Self {
         Self {
             position,
-            velocity: T::zero(),
-            acceleration: T::zero(),
+            velocity: 0.0,
+            acceleration: 0.0,
         }
     }
 }
@@ -83,20 +83,20 @@ impl<T: Real> SetPoint<T> {
 /// The limits of position, velocity, acceleration and jerk that the trajectory of a joint must
 /// keep.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct ProfileLimits<T> {
+pub struct ProfileLimits {
     /// The least position, rad.
-    pub low: T,
+    pub low: f64,
     /// The greatest position, rad.
-    pub high: T,
+    pub high: f64,
     /// The greatest speed to either side, rad/s.
-    pub velocity: T,
+    pub velocity: f64,
     /// The greatest acceleration to either side, rad/s².
-    pub acceleration: T,
+    pub acceleration: f64,
     /// The greatest jerk to either side, rad/s³; only [`Profile::JerkLimited`] keeps it.
-    pub jerk: T,
+    pub jerk: f64,
 }
 
-impl<T: Real> ProfileLimits<T> {
+impl ProfileLimits {
     /// Checks that these limits are possible. `joint` is the number of the joint (from 0) to name
     /// in the error.
     ///
@@ -104,7 +104,7 @@ impl<T: Real> ProfileLimits<T> {
     /// [`NumberError`] if a limit is not finite, the range is empty, or the limit of a derivative is not above
     /// zero.
     pub fn validate(&self, joint: usize) -> Result<(), NumberError> {
-        let above = Requirement::Above(self.low.to_f64());
+        let above = Requirement::Above(self.low);
         finite("the least position, rad,", self.low)
             .and_then(|()| check("the greatest position, rad,", self.high, above))
             .and_then(|()| check_rates(self.velocity, self.acceleration, self.jerk))
@@ -114,20 +114,20 @@ impl<T: Real> ProfileLimits<T> {
     /// Returns true if a joint may be at `position` (rad): in the range of the limits, or beyond it by no more than
     /// rounding explains.
     #[must_use]
-    pub fn contains(&self, position: T) -> bool {
+    pub fn contains(&self, position: f64) -> bool {
         is_within(position, self.low, self.high)
     }
 }
 
 /// The limits of the derivatives of a position.
-fn check_rates<T: Real>(velocity: T, acceleration: T, jerk: T) -> Result<(), NumberError> {
+fn check_rates(velocity: f64, acceleration: f64, jerk: f64) -> Result<(), NumberError> {
     positive("the limit of the velocity, rad/s,", velocity)?;
     positive("the limit of the acceleration, rad/s²,", acceleration)?;
     positive("the limit of the jerk, rad/s³,", jerk)
 }
 
 /// A position from which a joint starts.
-fn check_start<T: Real>(joint: usize, position: T) -> Result<(), NumberError> {
+fn check_start(joint: usize, position: f64) -> Result<(), NumberError> {
     finite("the starting position, rad,", position)
         .map_err(|error| error.at(Subject::Joint(joint as u16)))
 }
@@ -135,19 +135,19 @@ fn check_start<T: Real>(joint: usize, position: T) -> Result<(), NumberError> {
 /// The extremes of position, velocity and acceleration of a profile, which is the motion of one
 /// joint in time, between its beginning and its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ProfilePeaks<T> {
+pub struct ProfilePeaks {
     /// The least position, rad.
-    pub low: T,
+    pub low: f64,
     /// The greatest position, rad.
-    pub high: T,
+    pub high: f64,
     /// The greatest speed to either side, rad/s.
-    pub velocity: T,
+    pub velocity: f64,
     /// The greatest acceleration to either side, rad/s².
-    pub acceleration: T,
+    pub acceleration: f64,
 }
 
-impl<T: Real> ProfilePeaks<T> {
-    fn of(point: &SetPoint<T>) -> Self {
+impl ProfilePeaks {
+    fn of(point: &SetPoint) -> Self {
         Self {
             low: point.position,
             high: point.position,

@@ -38,7 +38,7 @@ pub(crate) trait Plant {
 }
 
 /// The readings of all sensors of a hand.
-pub(crate) type HandState = [FingerReadings<f64, JOINTS>; FINGERS];
+pub(crate) type HandState = [FingerReadings<JOINTS>; FINGERS];
 
 /// The plant of this package, with the integration of `MuJoCo`.
 pub(crate) struct Simulated {
@@ -141,7 +141,7 @@ impl<P: Plant> Rig<P> {
     }
 
     /// Sets the set-points of all fingers for the next tick of the master.
-    pub(crate) fn follow(&mut self, points: &OfJoints<SetPoint<f64>>) -> Result<()> {
+    pub(crate) fn follow(&mut self, points: &OfJoints<SetPoint>) -> Result<()> {
         for (controller, points) in self.fingers.iter_mut().zip(points) {
             controller.follow(points, &[StopGuard::NONE; JOINTS])?;
         }

@@ -152,11 +152,7 @@ fn stroke<P: Plant>(
 }
 
 /// The set-points of all joints at a time after the beginning of a stroke.
-fn points(
-    from: &OfJoints<f64>,
-    to: &OfJoints<f64>,
-    time_s: f64,
-) -> Result<OfJoints<SetPoint<f64>>> {
+fn points(from: &OfJoints<f64>, to: &OfJoints<f64>, time_s: f64) -> Result<OfJoints<SetPoint>> {
     let mut points = [[SetPoint::default(); JOINTS]; FINGERS];
     let ends = from.as_flattened().iter().zip(to.as_flattened());
     for (point, (&from, &to)) in points.as_flattened_mut().iter_mut().zip(ends) {

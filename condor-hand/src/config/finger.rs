@@ -87,7 +87,7 @@ pub struct Joint<const JOINTS: usize> {
     #[serde(default)]
     pub friction: JointFriction,
     /// The way in which its torque becomes two tensions.
-    pub rectification: Rectification<f64>,
+    pub rectification: Rectification,
     /// The sensor of its position.
     pub adc: InputChannel,
     /// The tendon that pulls it to positive angles.
@@ -267,7 +267,7 @@ pub struct Tendon {
     pub cutoff_hz: Option<f64>,
     /// The gains of its servo.
     #[serde(default)]
-    pub gains: TensionGains<f64>,
+    pub gains: TensionGains,
 }
 
 /// The moment arms that the two tendons of a joint have at another, more proximal joint, which they

@@ -21,7 +21,7 @@ impl Limits {
     /// Returns these limits as those of a trajectory, with `jerk` (rad/s³ or m/s³) as the greatest
     /// jerk in both directions.
     #[must_use]
-    pub const fn with_jerk(&self, jerk: f64) -> trajectory::ProfileLimits<f64> {
+    pub const fn with_jerk(&self, jerk: f64) -> trajectory::ProfileLimits {
         trajectory::ProfileLimits {
             low: self.low,
             high: self.high,

@@ -139,7 +139,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Iterates over the limits that trajectories must keep, one item per joint: first the joints of finger 0, then
     /// those of finger 1, and so on. The limit of jerk lets the acceleration grow from zero to its limit within one
     /// tick of the trajectories.
-    pub fn trajectory_limits(&self) -> impl Iterator<Item = trajectory::ProfileLimits<f64>> {
+    pub fn trajectory_limits(&self) -> impl Iterator<Item = trajectory::ProfileLimits> {
         let rate_hz = f64::from(self.trajectory_hz);
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
         joints.map(move |joint| {
@@ -205,7 +205,7 @@ impl<const JOINTS: usize> Finger<JOINTS> {
     ///
     /// # Errors
     /// [`NumberError`] for arms that [`Hand::check`] would have refused.
-    pub fn moment_arms(&self) -> Result<MomentArms<f64, JOINTS>, NumberError> {
+    pub fn moment_arms(&self) -> Result<MomentArms<JOINTS>, NumberError> {
         let mut rows: [TendonPairs<f64, JOINTS>; JOINTS] = [[Pair::both(0.0); JOINTS]; JOINTS];
         for (index, row) in rows.iter_mut().enumerate() {
             let crossed = self.joints.get(index);
@@ -261,7 +261,7 @@ impl<const JOINTS: usize> Finger<JOINTS> {
     /// Returns the model of the finger as a general chain of joints, for kinematics and dynamics.
     /// If the finger has fewer than `JOINTS` joints, the missing ones are fixed and have no mass.
     #[must_use]
-    pub fn chain(&self) -> Chain<f64, JOINTS> {
+    pub fn chain(&self) -> Chain<JOINTS> {
         let mut start = 0.0;
         let mut joints = [kinematics::ChainJoint {
             placement: Pose::identity(),

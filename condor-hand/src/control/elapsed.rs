@@ -1,29 +1,29 @@
-use crate::math::{Real, is_finite, min};
+use crate::math::{is_finite, min};
 
 /// The time since the last samples.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Elapsed<T> {
-    pub(crate) seconds: T,
+pub(crate) struct Elapsed {
+    pub(crate) seconds: f64,
     /// One over it.
-    pub(crate) hz: T,
+    pub(crate) hz: f64,
     /// In nominal periods.
-    pub(crate) periods: T,
+    pub(crate) periods: f64,
     /// The same, but one at most: what a sample that comes early counts for.
-    pub(crate) weight: T,
+    pub(crate) weight: f64,
 }
 
-impl<T: Real> Elapsed<T> {
+impl Elapsed {
     /// Makes the time from `seconds`; a time that is not finite or not above zero counts as a nominal period.
     #[inline(always)]
-    pub(crate) fn new(seconds: T, sample_hz: T) -> Self {
+    pub(crate) fn new(seconds: f64, sample_hz: f64) -> Self {
         let periods = seconds * sample_hz;
         let hz = sample_hz / periods;
-        if seconds > T::zero() && is_finite(periods) && is_finite(hz) && hz > T::zero() {
+        if seconds > 0.0 && is_finite(periods) && is_finite(hz) && hz > 0.0 {
             Self {
                 seconds,
                 hz,
                 periods,
-                weight: min(periods, T::one()),
+                weight: min(periods, 1.0),
             }
         } else {
             Self::period(sample_hz)
@@ -32,12 +32,12 @@ impl<T: Real> Elapsed<T> {
 
     /// A nominal period.
     #[inline(always)]
-    pub(crate) fn period(sample_hz: T) -> Self {
+    pub(crate) fn period(sample_hz: f64) -> Self {
         Self {
-            seconds: T::one() / sample_hz,
+            seconds: 1.0 / sample_hz,
             hz: sample_hz,
-            periods: T::one(),
-            weight: T::one(),
+            periods: 1.0,
+            weight: 1.0,
         }
     }
 }

@@ -6,12 +6,11 @@
 //! processors take a hundred times longer for denormal numbers.
 
 use super::elapsed::Elapsed;
-use crate::math::{Real, abs, exp, is_finite, min, real};
+use crate::math::{abs, exp, is_finite, min};
 use crate::number::{NumberError, Requirement, check, positive};
 
 /// The cutoff as a part of the sample rate, below one half.
-fn relative<T: Real>(cutoff_hz: T, sample_hz: T) -> Result<f64, NumberError> {
-    let (cutoff_hz, sample_hz) = (cutoff_hz.to_f64(), sample_hz.to_f64());
+fn relative(cutoff_hz: f64, sample_hz: f64) -> Result<f64, NumberError> {
     positive("the sample rate, Hz,", sample_hz)?;
     let what = "the cutoff, Hz,";
     check(what, cutoff_hz, Requirement::Below(sample_hz / 2.0))?;
@@ -22,26 +21,26 @@ fn relative<T: Real>(cutoff_hz: T, sample_hz: T) -> Result<f64, NumberError> {
 
 /// Zero instead of a number that is denormal or soon will be.
 #[inline(always)]
-fn flush<T: Real>(x: T) -> T {
-    if abs(x) < real(1e-30) { T::zero() } else { x }
+fn flush(x: f64) -> f64 {
+    if abs(x) < 1e-30 { 0.0 } else { x }
 }
 
 /// The part of the way to a new input that a first-order lag goes in one sample, if the input
 /// stays: `1 - exp(-2 pi fc / fs)`.
-fn lag<T: Real>(relative: f64) -> T {
-    real(1.0 - exp(-core::f64::consts::TAU * relative))
+fn lag(relative: f64) -> f64 {
+    1.0 - exp(-core::f64::consts::TAU * relative)
 }
 
 /// First-order low-pass filters for `L` signals side by side: `y += alpha (x - y)` in every sample,
 /// with the sample x and the output y. A signal whose cutoff is `None` is not filtered.
 #[derive(Clone, Copy, Debug)]
-pub struct LowPass<T: Real, const L: usize> {
-    alpha: [Option<T>; L],
+pub struct LowPass<const L: usize> {
+    alpha: [Option<f64>; L],
     /// The last outputs; `None` before the first samples.
-    output: [Option<T>; L],
+    output: [Option<f64>; L],
 }
 
-impl<T: Real, const L: usize> LowPass<T, L> {
+impl<const L: usize> LowPass<L> {
     /// Makes one filter for each signal, with its cutoff in Hz, or `None` to pass the signal
     /// unchanged. `sample_hz` is the number of calls of [`update`](Self::update) per second.
     ///
@@ -51,7 +50,7 @@ impl<T: Real, const L: usize> LowPass<T, L> {
     /// # Errors
     /// [`NumberError`] if a cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
     /// positive.
-    pub fn new(cutoff_hz: [Option<T>; L], sample_hz: T) -> Result<Self, NumberError> {
+    pub fn new(cutoff_hz: [Option<f64>; L], sample_hz: f64) -> Result<Self, NumberError> {
         let mut alpha = [None; L];
         for (alpha, cutoff_hz) in alpha.iter_mut().zip(cutoff_hz) {
             if let Some(cutoff_hz) = cutoff_hz {
@@ -67,8 +66,8 @@ impl<T: Real, const L: usize> LowPass<T, L> {
     pub(crate) fn set_cutoff(
         &mut self,
         lane: usize,
-        cutoff_hz: Option<T>,
-        sample_hz: T,
+        cutoff_hz: Option<f64>,
+        sample_hz: f64,
     ) -> Result<(), NumberError> {
         let relative = cutoff_hz.map(|cutoff_hz| relative(cutoff_hz, sample_hz));
         let alpha = relative.transpose()?.map(lag);
@@ -80,13 +79,13 @@ impl<T: Real, const L: usize> LowPass<T, L> {
 
     /// Takes the next sample of each signal, and returns the filtered signals. A sample that is not
     /// finite is ignored: the last output of its filter is repeated.
-    pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
+    pub fn update(&mut self, samples: &[f64; L]) -> [f64; L] {
         self.update_seen(samples, &[true; L])
     }
 
     /// The same for signals that have a sample; the others answer with what was given for them.
     #[inline(always)]
-    pub(crate) fn update_seen(&mut self, samples: &[T; L], sampled: &[bool; L]) -> [T; L] {
+    pub(crate) fn update_seen(&mut self, samples: &[f64; L], sampled: &[bool; L]) -> [f64; L] {
         let mut outputs = *samples;
         for (lane, output) in outputs.iter_mut().enumerate() {
             let (true, Some(alpha)) = (sampled[lane], self.alpha[lane]) else {
@@ -99,7 +98,7 @@ impl<T: Real, const L: usize> LowPass<T, L> {
             if is_finite(next) {
                 self.output[lane] = Some(flush(next));
             }
-            *output = self.output[lane].unwrap_or(T::zero());
+            *output = self.output[lane].unwrap_or(0.0);
         }
         outputs
     }
@@ -116,41 +115,41 @@ impl<T: Real, const L: usize> LowPass<T, L> {
 /// For a ramp the rate is exact once the filter has settled. The first sample yields zero. Samples that are not finite
 /// leave the rate as it is; the next finite sample is compared with the last finite one, over the time between the two.
 #[derive(Clone, Copy, Debug)]
-pub struct Derivative<T: Real, const L: usize> {
-    alpha: [T; L],
-    sample_hz: T,
-    last: [T; L],
+pub struct Derivative<const L: usize> {
+    alpha: [f64; L],
+    sample_hz: f64,
+    last: [f64; L],
     /// Periods since `last` in which no sample was finite.
-    waited: [T; L],
-    rate: [T; L],
+    waited: [f64; L],
+    rate: [f64; L],
     primed: [bool; L],
 }
 
-impl<T: Real, const L: usize> Derivative<T, L> {
+impl<const L: usize> Derivative<L> {
     /// Makes the derivatives of `L` signals. `cutoff_hz` are the cutoffs of the smoothing filters,
     /// Hz, and `sample_hz` is the number of calls of [`update`](Self::update) per second.
     ///
     /// # Errors
     /// [`NumberError`] if a cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
     /// positive.
-    pub fn new(cutoff_hz: [T; L], sample_hz: T) -> Result<Self, NumberError> {
-        let mut alpha = [T::zero(); L];
+    pub fn new(cutoff_hz: [f64; L], sample_hz: f64) -> Result<Self, NumberError> {
+        let mut alpha = [0.0; L];
         for (alpha, cutoff_hz) in alpha.iter_mut().zip(cutoff_hz) {
             *alpha = lag(relative(cutoff_hz, sample_hz)?);
         }
         Ok(Self {
             alpha,
             sample_hz,
-            last: [T::zero(); L],
-            waited: [T::zero(); L],
-            rate: [T::zero(); L],
+            last: [0.0; L],
+            waited: [0.0; L],
+            rate: [0.0; L],
             primed: [false; L],
         })
     }
 
     /// Changes the cutoff of the filter of a signal, as in [`new`](Self::new); its rate goes on from the
     /// last one.
-    pub(crate) fn set_cutoff(&mut self, lane: usize, cutoff_hz: T) -> Result<(), NumberError> {
+    pub(crate) fn set_cutoff(&mut self, lane: usize, cutoff_hz: f64) -> Result<(), NumberError> {
         let alpha = lag(relative(cutoff_hz, self.sample_hz)?);
         if let Some(place) = self.alpha.get_mut(lane) {
             *place = alpha;
@@ -160,7 +159,7 @@ impl<T: Real, const L: usize> Derivative<T, L> {
 
     /// The last rates.
     #[inline(always)]
-    pub(crate) fn rates(&self) -> &[T; L] {
+    pub(crate) fn rates(&self) -> &[f64; L] {
         &self.rate
     }
 
@@ -168,9 +167,9 @@ impl<T: Real, const L: usize> Derivative<T, L> {
     /// seconds, and is where `samples` says.
     pub(crate) fn go_on_unseen(
         &mut self,
-        unseen: &[Option<(T, T)>; L],
-        samples: &[T; L],
-        elapsed: Elapsed<T>,
+        unseen: &[Option<(f64, f64)>; L],
+        samples: &[f64; L],
+        elapsed: Elapsed,
     ) {
         for lane in 0..L {
             if let Some((rate, seconds)) = unseen[lane] {
@@ -181,16 +180,16 @@ impl<T: Real, const L: usize> Derivative<T, L> {
     }
 
     /// Begins with a sample and a rate.
-    fn begin(&mut self, lane: usize, last: T, rate: T) {
+    fn begin(&mut self, lane: usize, last: f64, rate: f64) {
         self.last[lane] = last;
         self.rate[lane] = rate;
-        self.waited[lane] = T::zero();
+        self.waited[lane] = 0.0;
         self.primed[lane] = true;
     }
 
     /// Takes the next sample of each signal, and returns the rates of change: units of the signal
     /// per second.
-    pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
+    pub fn update(&mut self, samples: &[f64; L]) -> [f64; L] {
         self.update_after(samples, &[true; L], Elapsed::period(self.sample_hz))
     }
 
@@ -199,11 +198,11 @@ impl<T: Real, const L: usize> Derivative<T, L> {
     #[inline(always)]
     pub(crate) fn update_after(
         &mut self,
-        samples: &[T; L],
+        samples: &[f64; L],
         sampled: &[bool; L],
-        elapsed: Elapsed<T>,
-    ) -> [T; L] {
-        let mut rates = [T::zero(); L];
+        elapsed: Elapsed,
+    ) -> [f64; L] {
+        let mut rates = [0.0; L];
         for lane in 0..L {
             if !sampled[lane] {
                 continue;
@@ -212,8 +211,8 @@ impl<T: Real, const L: usize> Derivative<T, L> {
             if self.primed[lane] {
                 let periods = self.waited[lane] + elapsed.periods;
                 // One that comes early says less.
-                let (hz, weight) = if self.waited[lane] > T::zero() {
-                    (self.sample_hz / periods, min(periods, T::one()))
+                let (hz, weight) = if self.waited[lane] > 0.0 {
+                    (self.sample_hz / periods, min(periods, 1.0))
                 } else {
                     (elapsed.hz, elapsed.weight)
                 };
@@ -226,7 +225,7 @@ impl<T: Real, const L: usize> Derivative<T, L> {
                     self.waited[lane] = periods;
                 }
             } else if is_finite(sample) {
-                self.begin(lane, sample, T::zero());
+                self.begin(lane, sample, 0.0);
             }
             rates[lane] = self.rate[lane];
         }
@@ -235,7 +234,7 @@ impl<T: Real, const L: usize> Derivative<T, L> {
 
     /// Begins anew with the next samples.
     pub(crate) fn forget(&mut self) {
-        self.rate = [T::zero(); L];
+        self.rate = [0.0; L];
         self.primed = [false; L];
     }
 }

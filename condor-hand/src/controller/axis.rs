@@ -17,12 +17,12 @@ use crate::trajectory::SetPoint;
 pub struct AxisServo {
     pub(super) axis: config::Axis,
     sample_hz: f64,
-    velocity: Derivative<f64, 1>,
+    velocity: Derivative<1>,
     integrator: Integrator,
     /// The settings on the way to which those of `axis` are, and in how many ticks they get there.
     wanted: config::AxisServoSettings,
     left: u32,
-    last: (f64, SetPoint<f64>),
+    last: (f64, SetPoint),
 }
 
 impl AxisServo {
@@ -102,7 +102,7 @@ impl AxisServo {
 
     /// Runs one tick, and returns the force for the drive, N. `point` is the set-point of this
     /// tick, `position` the measured position (m), and `period_s` the time since the last tick (s).
-    pub fn update(&mut self, point: &SetPoint<f64>, position: f64, period_s: f64) -> f64 {
+    pub fn update(&mut self, point: &SetPoint, position: f64, period_s: f64) -> f64 {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
         if self.left > 0 {
             // Numbers between two that are possible are possible.

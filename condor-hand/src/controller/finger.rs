@@ -47,7 +47,7 @@ const SETTLING_TICKS: u32 = 4;
 /// ```
 #[derive(Clone, Debug)]
 pub struct FingerController<M, const N: usize> {
-    servo: FingerServo<M, f64, N>,
+    servo: FingerServo<M, N>,
     interpolator: Interpolator<N>,
     /// The number of joints; the places after them are empty.
     joints: usize,
@@ -58,8 +58,8 @@ pub struct FingerController<M, const N: usize> {
     age_s: f64,
     /// The fraction of a period that has passed since the set-points were moved on.
     over: f64,
-    monitor: FingerMonitor<f64, N>,
-    ramp: Option<SafeRamp<f64, N>>,
+    monitor: FingerMonitor<N>,
+    ramp: Option<SafeRamp<N>>,
     /// The differences of the tensions at the fault from those with which the ramp begins, N; and the number of
     /// ticks until they have vanished.
     beside: (TendonPairs<f64, N>, u32),
@@ -81,7 +81,7 @@ pub struct FingerController<M, const N: usize> {
 pub struct FingerTick<const N: usize> {
     /// The commands of the actuators, with their reasons; after a fault, on the way to the least
     /// tensions.
-    pub output: ServoOutput<f64, N>,
+    pub output: ServoOutput<N>,
     /// The desired positions of the joints, rad; `None` for joints whose position is not
     /// controlled.
     pub target: [Option<f64>; N],
@@ -89,7 +89,7 @@ pub struct FingerTick<const N: usize> {
     pub fault: Option<FingerFault>,
 }
 
-impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
+impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
     /// Makes the controller of `finger`, one of the fingers of `hand`, with all joints off.
     /// `mechanism` is the model of the finger that the servos use: [`Finger::chain`], or
     /// [`Finger::planar`] if the finger has that form.
@@ -191,7 +191,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
 
     /// Returns the moment arms of the finger's tendons, which convert tensions into joint torques.
     #[must_use]
-    pub fn arms(&self) -> &MomentArms<f64, N> {
+    pub fn arms(&self) -> &MomentArms<N> {
         self.servo.arms()
     }
 
@@ -221,11 +221,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// fault or rests after one; [`ServoRefusal::NoJoint`] if it does not have the joint;
     /// [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its tendons;
     /// [`ServoRefusal::Rate`] if its velocity or acceleration is not finite.
-    pub fn set_target(
-        &mut self,
-        joint: usize,
-        target: JointTarget<f64>,
-    ) -> Result<(), ServoRefusal> {
+    pub fn set_target(&mut self, joint: usize, target: JointTarget) -> Result<(), ServoRefusal> {
         self.refuse_after_fault()?;
         self.check_joint(joint)?;
         self.servo.set_target(joint, target)?;
@@ -235,7 +231,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
 
     /// Returns the present gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
-    pub fn gains(&self, joint: usize) -> Option<&JointGains<f64>> {
+    pub fn gains(&self, joint: usize) -> Option<&JointGains> {
         self.check_joint(joint).ok()?;
         self.servo.gains(joint)
     }
@@ -245,7 +241,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// # Errors
     /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Gain`] if no joint can
     /// have these gains. The joint keeps its gains then.
-    pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), ServoRefusal> {
+    pub fn set_gains(&mut self, joint: usize, gains: &JointGains) -> Result<(), ServoRefusal> {
         self.check_joint(joint)?;
         self.servo.set_gains(joint, gains)
     }
@@ -343,7 +339,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// and guards are ignored then.
     pub fn follow(
         &mut self,
-        points: &[SetPoint<f64>; N],
+        points: &[SetPoint; N],
         guards: &[StopGuard; N],
     ) -> Result<(), NumberError> {
         let released = self.watch.released(guards);
@@ -366,7 +362,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     #[cold]
     fn follow_anew(
         &mut self,
-        points: &[SetPoint<f64>; N],
+        points: &[SetPoint; N],
         mut following: u32,
     ) -> Result<(), NumberError> {
         let mut interpolator = self.interpolator.clone();
@@ -402,7 +398,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// one period of [`Hand::servo_rate_hz`] instead; if that lasts for some ticks, it is a fault.
     pub fn tick(
         &mut self,
-        sensed: &FingerReadings<f64, N>,
+        sensed: &FingerReadings<N>,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> FingerTick<N> {
@@ -495,7 +491,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// Stops the joints of the motions whose guards do not permit what is measured, where their
     /// set-points are.
     #[cold]
-    fn check_guards(&mut self, sensed: &FingerReadings<f64, N>) {
+    fn check_guards(&mut self, sensed: &FingerReadings<N>) {
         let before = self.watch.stopped();
         let servo = &self.servo;
         self.watch

@@ -28,7 +28,7 @@ impl<const N: usize> Finger<N> {
     /// If the finger has fewer than `N` joints, the settings of the missing ones keep them still
     /// and without tension.
     #[must_use]
-    pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<f64, N> {
+    pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<N> {
         FingerSettings {
             joints: core::array::from_fn(|joint| {
                 self.joints
@@ -49,7 +49,7 @@ impl<const N: usize> Finger<N> {
     /// Returns the limits beyond which the finger has a fault, from its configuration and from
     /// `policy`. `sample_hz` is the number of servo ticks per second.
     #[must_use]
-    pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<f64, N> {
+    pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<N> {
         let tendon = |tendon: &Tendon| TendonFaultLimits {
             sensor: sensor(&tendon.adc, tendon.max_n / 4.0),
             ..TendonFaultLimits::default()
@@ -108,7 +108,7 @@ impl<const N: usize> Finger<N> {
 /// Sets what a policy, and the numbers of the joints that exist, say of the limits of a finger. All checks stay off for
 /// joints that do not exist.
 pub(super) fn judge<const N: usize>(
-    limits: &mut FaultLimits<f64, N>,
+    limits: &mut FaultLimits<N>,
     policy: &FaultPolicy,
     joints: impl Iterator<Item = JointNumbers>,
 ) {
@@ -149,7 +149,7 @@ pub(super) fn judge<const N: usize>(
 }
 
 /// Returns the stop of a joint with these numbers, without its damping, and the cutoffs of its filters.
-pub(super) fn stop_and_filters(numbers: &JointNumbers) -> (SoftStop<f64>, JointCutoffs<f64>) {
+pub(super) fn stop_and_filters(numbers: &JointNumbers) -> (SoftStop, JointCutoffs) {
     let number = |number: JointNumber| numbers.get(number as usize).copied().unwrap_or(0.0);
     let filter = |cutoff| Some(number(cutoff)).filter(|&cutoff_hz| cutoff_hz > 0.0);
     let stop = SoftStop {
@@ -172,7 +172,7 @@ pub(super) fn stop_and_filters(numbers: &JointNumbers) -> (SoftStop<f64>, JointC
 
 /// Returns the limits of the sensor behind a converter that do not depend on a policy. It is stuck if it stays while
 /// its set-point goes this far.
-fn sensor(input: &InputChannel, travel: f64) -> SensorFaultLimits<f64> {
+fn sensor(input: &InputChannel, travel: f64) -> SensorFaultLimits {
     let ends = [input.value(0), input.value(input.full_scale())];
     SensorFaultLimits {
         range: FaultRange {
@@ -191,7 +191,7 @@ fn sensor(input: &InputChannel, travel: f64) -> SensorFaultLimits<f64> {
 
 impl<const N: usize> Joint<N> {
     /// The settings of the joint's servo.
-    fn settings(&self) -> JointSettings<f64> {
+    fn settings(&self) -> JointSettings {
         let joint = self;
         let (min_n, max_n) = joint.tension_range();
         let servo = &joint.servo;
@@ -248,7 +248,7 @@ impl<const N: usize> Joint<N> {
 }
 
 /// The settings of a joint that the finger does not have.
-fn absent(sample_hz: f64) -> JointSettings<f64> {
+fn absent(sample_hz: f64) -> JointSettings {
     JointSettings {
         gains: JointGains {
             law: PositionLaw::ComputedTorque {

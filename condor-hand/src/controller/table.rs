@@ -121,7 +121,7 @@ pub struct TableTick {
     /// The forces of the drives, N; elements without an axis are zero.
     pub force: [f64; AXES],
     /// The set-points of the axes, m.
-    pub target: [SetPoint<f64>; AXES],
+    pub target: [SetPoint; AXES],
     /// The desired acceleration of the palm, in its own axes, m/s². Fingers are controlled in
     /// gravity less this.
     pub acceleration: Vector3<f64>,

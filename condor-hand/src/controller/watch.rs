@@ -101,8 +101,8 @@ impl<const N: usize> Watch<N> {
     pub(super) fn check(
         &mut self,
         following: u32,
-        sensed: &FingerReadings<f64, N>,
-        arms: &MomentArms<f64, N>,
+        sensed: &FingerReadings<N>,
+        arms: &MomentArms<N>,
         mut position: impl FnMut(usize) -> Option<f64>,
     ) {
         let torques = arms.torque(&sensed.tension);

@@ -13,7 +13,7 @@ use crate::tendon::{Pair, TendonPairs};
 pub fn read_finger<const N: usize>(
     finger: &Finger<N>,
     mut read: impl FnMut(Channel) -> Option<u32>,
-) -> FingerReadings<f64, N> {
+) -> FingerReadings<N> {
     let mut sensed = FingerReadings {
         position: SVector::zeros(),
         tension: [Pair::both(0.0); N],

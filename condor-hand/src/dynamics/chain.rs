@@ -1,7 +1,6 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::Dynamics;
-use crate::Real;
 use crate::control::linear::Ldl;
 use crate::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion};
 use crate::math::is_finite;
@@ -12,44 +11,49 @@ use crate::pose::{Pose, rotation_about};
 /// R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008: chapters 5 and 6, in the
 /// ordinary 3-vectors of the paper by Luh, Walker and Paul (1980). A fixed joint takes no torque
 /// and has no acceleration, whatever its rates are said to be.
-impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
+impl<const N: usize> Dynamics<N> for Chain<N> {
     fn inverse_dynamics(
         &self,
-        q: &SVector<T, N>,
-        qd: &SVector<T, N>,
-        qdd: &SVector<T, N>,
-        gravity: &Vector3<T>,
-    ) -> SVector<T, N> {
+        q: &SVector<f64, N>,
+        qd: &SVector<f64, N>,
+        qdd: &SVector<f64, N>,
+        gravity: &Vector3<f64>,
+    ) -> SVector<f64, N> {
         self.torque(&self.links(q), qd, qdd, gravity)
     }
 
-    fn bias(&self, q: &SVector<T, N>, qd: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N> {
+    fn bias(
+        &self,
+        q: &SVector<f64, N>,
+        qd: &SVector<f64, N>,
+        gravity: &Vector3<f64>,
+    ) -> SVector<f64, N> {
         self.inverse_dynamics(q, qd, &SVector::zeros(), gravity)
     }
 
-    fn gravity_torque(&self, q: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N> {
+    fn gravity_torque(&self, q: &SVector<f64, N>, gravity: &Vector3<f64>) -> SVector<f64, N> {
         self.bias(q, &SVector::zeros(), gravity)
     }
 
-    fn mass_matrix(&self, q: &SVector<T, N>) -> SMatrix<T, N, N> {
+    fn mass_matrix(&self, q: &SVector<f64, N>) -> SMatrix<f64, N, N> {
         self.mass(&self.links(q))
     }
 
     fn forward_dynamics(
         &self,
-        q: &SVector<T, N>,
-        qd: &SVector<T, N>,
-        torque: &SVector<T, N>,
-        gravity: &Vector3<T>,
-        armature: &SVector<T, N>,
-    ) -> Option<SVector<T, N>> {
+        q: &SVector<f64, N>,
+        qd: &SVector<f64, N>,
+        torque: &SVector<f64, N>,
+        gravity: &Vector3<f64>,
+        armature: &SVector<f64, N>,
+    ) -> Option<SVector<f64, N>> {
         let links = self.links(q);
         let mut free = torque - self.torque(&links, qd, &SVector::zeros(), gravity);
         let mut mass = self.mass(&links);
         for (i, joint) in self.joints.iter().enumerate() {
             if joint.motion == ChainMotion::Fixed {
-                mass[(i, i)] = T::one();
-                free[i] = T::zero();
+                mass[(i, i)] = 1.0;
+                free[i] = 0.0;
             } else {
                 mass[(i, i)] += armature[i];
             }
@@ -62,9 +66,9 @@ impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
     }
 }
 
-impl<T: Real, const N: usize> Chain<T, N> {
+impl<const N: usize> Chain<N> {
     #[inline(always)]
-    fn links(&self, q: &SVector<T, N>) -> [Link<T>; N] {
+    fn links(&self, q: &SVector<f64, N>) -> [Link; N] {
         let mut links = [Link::none(); N];
         for ((link, joint), &q) in links.iter_mut().zip(&self.joints).zip(q.iter()) {
             *link = Link::of(joint, q);
@@ -75,11 +79,11 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// Newton and Euler, outwards for the accelerations and inwards for the torques.
     fn torque(
         &self,
-        links: &[Link<T>; N],
-        qd: &SVector<T, N>,
-        qdd: &SVector<T, N>,
-        gravity: &Vector3<T>,
-    ) -> SVector<T, N> {
+        links: &[Link; N],
+        qd: &SVector<f64, N>,
+        qdd: &SVector<f64, N>,
+        gravity: &Vector3<f64>,
+    ) -> SVector<f64, N> {
         // A base that is accelerated upwards feels the same as one in the field.
         let mut linear = -self.base.rotation.tr_mul(gravity);
         let mut rate = Vector3::zeros();
@@ -102,7 +106,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
             *load = load_of(&self.bodies[i], &rate, &acceleration, &linear);
         }
 
-        let mut torque = SVector::<T, N>::zeros();
+        let mut torque = SVector::<f64, N>::zeros();
         let mut force = Vector3::zeros();
         let mut moment = Vector3::zeros();
         let inwards = links.iter().zip(&loads).rev();
@@ -115,9 +119,9 @@ impl<T: Real, const N: usize> Chain<T, N> {
         torque
     }
 
-    fn mass(&self, links: &[Link<T>; N]) -> SMatrix<T, N, N> {
+    fn mass(&self, links: &[Link; N]) -> SMatrix<f64, N, N> {
         let mut composite = Composite::nothing();
-        let mut mass = SMatrix::<T, N, N>::zeros();
+        let mut mass = SMatrix::<f64, N, N>::zeros();
         for i in (0..N).rev() {
             composite.add(&self.bodies[i]);
             let link = &links[i];
@@ -141,16 +145,16 @@ impl<T: Real, const N: usize> Chain<T, N> {
 
 /// A link at a position of its joint.
 #[derive(Clone, Copy)]
-struct Link<T: Real> {
+struct Link {
     /// In the frame of the link before it.
-    pose: Pose<T>,
+    pose: Pose,
     /// The angular velocity of a unit rate; zero if the joint does not turn.
-    turns: Vector3<T>,
+    turns: Vector3<f64>,
     /// The velocity of a unit rate; zero if the joint does not slide.
-    slides: Vector3<T>,
+    slides: Vector3<f64>,
 }
 
-impl<T: Real> Link<T> {
+impl Link {
     /// On the link before it, and fixed.
     #[inline(always)]
     fn none() -> Self {
@@ -162,7 +166,7 @@ impl<T: Real> Link<T> {
     }
 
     #[inline(always)]
-    fn of(joint: &ChainJoint<T>, q: T) -> Self {
+    fn of(joint: &ChainJoint, q: f64) -> Self {
         let Pose { rotation, position } = &joint.placement;
         let zero = Vector3::zeros();
         let (pose, turns, slides) = match joint.motion {
@@ -187,13 +191,17 @@ impl<T: Real> Link<T> {
 
     /// The torque (N m) or force (N) of the joint from a force and a moment about the origin of this link.
     #[inline(always)]
-    fn torque(&self, force: &Vector3<T>, moment: &Vector3<T>) -> T {
+    fn torque(&self, force: &Vector3<f64>, moment: &Vector3<f64>) -> f64 {
         self.turns.dot(moment) + self.slides.dot(force)
     }
 
     /// A force and a moment about the origin of this link, as the link before it has them.
     #[inline(always)]
-    fn wrench_before(&self, force: &Vector3<T>, moment: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+    fn wrench_before(
+        &self,
+        force: &Vector3<f64>,
+        moment: &Vector3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
         let Pose { rotation, position } = &self.pose;
         let force = rotation * force;
         let moment = rotation * moment + position.cross(&force);
@@ -203,12 +211,12 @@ impl<T: Real> Link<T> {
 
 /// The force, and the moment about the origin of its link, that move a body.
 #[inline(always)]
-fn load_of<T: Real>(
-    body: &ChainBody<T>,
-    rate: &Vector3<T>,
-    acceleration: &Vector3<T>,
-    linear: &Vector3<T>,
-) -> (Vector3<T>, Vector3<T>) {
+fn load_of(
+    body: &ChainBody,
+    rate: &Vector3<f64>,
+    acceleration: &Vector3<f64>,
+    linear: &Vector3<f64>,
+) -> (Vector3<f64>, Vector3<f64>) {
     let center = &body.center;
     let at_center = linear + acceleration.cross(center) + rate.cross(&rate.cross(center));
     let force = at_center * body.mass;
@@ -217,25 +225,25 @@ fn load_of<T: Real>(
 }
 
 /// Bodies that move as one, in the frame of a link.
-struct Composite<T: Real> {
-    mass: T,
+struct Composite {
+    mass: f64,
     /// Mass times the centre of mass.
-    first_moment: Vector3<T>,
+    first_moment: Vector3<f64>,
     /// About the origin of the frame.
-    inertia: Matrix3<T>,
+    inertia: Matrix3<f64>,
 }
 
-impl<T: Real> Composite<T> {
+impl Composite {
     fn nothing() -> Self {
         Self {
-            mass: T::zero(),
+            mass: 0.0,
             first_moment: Vector3::zeros(),
             inertia: Matrix3::zeros(),
         }
     }
 
     #[inline(always)]
-    fn add(&mut self, body: &ChainBody<T>) {
+    fn add(&mut self, body: &ChainBody) {
         self.mass += body.mass;
         self.first_moment += body.center * body.mass;
         self.inertia += body.inertia + parallel_axes(&body.center, &(body.center * body.mass));
@@ -243,7 +251,11 @@ impl<T: Real> Composite<T> {
 
     /// The force, and the moment about the origin, that give these accelerations from rest.
     #[inline(always)]
-    fn wrench(&self, angular: &Vector3<T>, linear: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+    fn wrench(
+        &self,
+        angular: &Vector3<f64>,
+        linear: &Vector3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
         let force = linear * self.mass + angular.cross(&self.first_moment);
         let moment = self.inertia * angular + self.first_moment.cross(linear);
         (force, moment)
@@ -251,7 +263,7 @@ impl<T: Real> Composite<T> {
 
     /// Returns the same bodies in the frame of the link before.
     #[inline(always)]
-    fn before(&self, link: &Link<T>) -> Self {
+    fn before(&self, link: &Link) -> Self {
         let Pose { rotation, position } = &link.pose;
         let turned = rotation * self.first_moment;
         let first_moment = turned + position * self.mass;
@@ -267,6 +279,6 @@ impl<T: Real> Composite<T> {
 
 /// `a·b 1 - b aᵀ`: with a place and the same place times a mass, the inertia of that mass there.
 #[inline(always)]
-fn parallel_axes<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> Matrix3<T> {
+fn parallel_axes(a: &Vector3<f64>, b: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_diagonal_element(a.dot(b)) - b * a.transpose()
 }

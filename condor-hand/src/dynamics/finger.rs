@@ -1,10 +1,9 @@
 use nalgebra::{Matrix4, SVector, Vector3, Vector4};
 
 use super::Dynamics;
-use crate::Real;
 use crate::control::linear::Symmetric3;
 use crate::kinematics::PlanarFinger;
-use crate::math::{is_finite, of_sum, real, sin_cos};
+use crate::math::{is_finite, of_sum, sin_cos};
 
 /// In closed form, with the four sines and cosines of one posture.
 ///
@@ -13,31 +12,36 @@ use crate::math::{is_finite, of_sum, real, sin_cos};
 /// cylindrical frame, with the moments of each body about its principal axes, gives the torques from
 /// the tip to the base; Lagrange's equations in the flexion angles give the mass matrix, in which
 /// the first joint is free of the others.
-impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
+impl Dynamics<4> for PlanarFinger {
     #[inline]
     fn inverse_dynamics(
         &self,
-        q: &SVector<T, 4>,
-        qd: &SVector<T, 4>,
-        qdd: &SVector<T, 4>,
-        gravity: &Vector3<T>,
-    ) -> SVector<T, 4> {
+        q: &SVector<f64, 4>,
+        qd: &SVector<f64, 4>,
+        qdd: &SVector<f64, 4>,
+        gravity: &Vector3<f64>,
+    ) -> SVector<f64, 4> {
         let posture = Posture::of(q);
         self.torque(&posture, qd, qdd, &posture.turned(self, gravity))
     }
 
     #[inline]
-    fn bias(&self, q: &SVector<T, 4>, qd: &SVector<T, 4>, gravity: &Vector3<T>) -> SVector<T, 4> {
+    fn bias(
+        &self,
+        q: &SVector<f64, 4>,
+        qd: &SVector<f64, 4>,
+        gravity: &Vector3<f64>,
+    ) -> SVector<f64, 4> {
         self.inverse_dynamics(q, qd, &Vector4::zeros(), gravity)
     }
 
     #[inline]
-    fn gravity_torque(&self, q: &SVector<T, 4>, gravity: &Vector3<T>) -> SVector<T, 4> {
+    fn gravity_torque(&self, q: &SVector<f64, 4>, gravity: &Vector3<f64>) -> SVector<f64, 4> {
         let posture = Posture::of(q);
         let pull = posture.turned(self, gravity);
         let [root, ..] = &self.bodies;
         let mut torque = Vector4::zeros();
-        let mut outer = T::zero();
+        let mut outer = 0.0;
         let mut arm = root.mass * root.center;
         for (k, moment) in self.first_moments().into_iter().enumerate().rev() {
             outer += moment * (posture.sine[k] * pull.radial + posture.cosine[k] * pull.axial);
@@ -54,7 +58,7 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
     }
 
     #[inline]
-    fn mass_matrix(&self, q: &SVector<T, 4>) -> Matrix4<T> {
+    fn mass_matrix(&self, q: &SVector<f64, 4>) -> Matrix4<f64> {
         let (turn, bend) = self.inertia(&Posture::of(q));
         let Symmetric3 {
             xx,
@@ -64,19 +68,19 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
             yz,
             zz,
         } = bend;
-        let o = T::zero();
+        let o = 0.0;
         Matrix4::new(turn, o, o, o, o, xx, xy, xz, o, xy, yy, yz, o, xz, yz, zz)
     }
 
     #[inline]
     fn forward_dynamics(
         &self,
-        q: &SVector<T, 4>,
-        qd: &SVector<T, 4>,
-        torque: &SVector<T, 4>,
-        gravity: &Vector3<T>,
-        armature: &SVector<T, 4>,
-    ) -> Option<SVector<T, 4>> {
+        q: &SVector<f64, 4>,
+        qd: &SVector<f64, 4>,
+        torque: &SVector<f64, 4>,
+        gravity: &Vector3<f64>,
+        armature: &SVector<f64, 4>,
+    ) -> Option<SVector<f64, 4>> {
         let posture = Posture::of(q);
         let pull = posture.turned(self, gravity);
         let free = torque - self.torque(&posture, qd, &Vector4::zeros(), &pull);
@@ -88,28 +92,28 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
         let bent = solve(&bend, &Vector3::new(free.y, free.z, free.w))?;
         let accelerations = Vector4::new(free.x / turn, bent.x, bent.y, bent.z);
         // Zero times each: the sum is NaN if one of them is not finite.
-        let finite = is_finite((accelerations * T::zero()).sum());
-        (turn > T::zero() && finite).then_some(accelerations)
+        let finite = is_finite((accelerations * 0.0).sum());
+        (turn > 0.0 && finite).then_some(accelerations)
     }
 }
 
 /// The sines and cosines of the turn and of the three flexion angles.
-struct Posture<T> {
-    turn: (T, T),
-    sine: [T; 3],
-    cosine: [T; 3],
+struct Posture {
+    turn: (f64, f64),
+    sine: [f64; 3],
+    cosine: [f64; 3],
 }
 
 /// Gravity as the turned plane sees it: in the plane, across it, and along the first axis.
-struct Pull<T> {
-    radial: T,
-    tangential: T,
-    axial: T,
+struct Pull {
+    radial: f64,
+    tangential: f64,
+    axial: f64,
 }
 
-impl<T: Real> Posture<T> {
+impl Posture {
     #[inline(always)]
-    fn of(q: &Vector4<T>) -> Self {
+    fn of(q: &Vector4<f64>) -> Self {
         // By addition theorems: the sum of two angles could overflow.
         let first = sin_cos(q.y);
         let second = of_sum(first, sin_cos(q.z));
@@ -122,7 +126,7 @@ impl<T: Real> Posture<T> {
     }
 
     #[inline(always)]
-    fn turned(&self, finger: &PlanarFinger<T>, gravity: &Vector3<T>) -> Pull<T> {
+    fn turned(&self, finger: &PlanarFinger, gravity: &Vector3<f64>) -> Pull {
         let g = finger.base.rotation.tr_mul(gravity);
         let (sine, cosine) = self.turn;
         Pull {
@@ -133,32 +137,32 @@ impl<T: Real> Posture<T> {
     }
 }
 
-impl<T: Real> PlanarFinger<T> {
+impl PlanarFinger {
     /// Newton and Euler, outwards for the accelerations and inwards for the torques.
     #[inline(always)]
     fn torque(
         &self,
-        posture: &Posture<T>,
-        qd: &Vector4<T>,
-        qdd: &Vector4<T>,
-        pull: &Pull<T>,
-    ) -> Vector4<T> {
+        posture: &Posture,
+        qd: &Vector4<f64>,
+        qdd: &Vector4<f64>,
+        pull: &Pull,
+    ) -> Vector4<f64> {
         let [root, bodies @ ..] = &self.bodies;
         let [base, lengths @ ..] = self.lengths;
         let Posture { sine, cosine, .. } = posture;
-        let two = real::<T>(2.0);
+        let two = 2.0;
         let turning = qd.x * qd.x;
 
         // The axis of the next link: radius and its rate, accelerations along radius and height.
-        let (mut radius, mut radius_rate) = (base, T::zero());
-        let (mut outward, mut upward) = (T::zero(), T::zero());
-        let (mut rate, mut acceleration) = (T::zero(), T::zero());
+        let (mut radius, mut radius_rate) = (base, 0.0);
+        let (mut outward, mut upward) = (0.0, 0.0);
+        let (mut rate, mut acceleration) = (0.0, 0.0);
 
         let mut torque = Vector4::zeros();
         torque.x = root.inertia.z * qdd.x
             + root.mass * root.center * (root.center * qdd.x - pull.tangential);
-        let mut forces = [(T::zero(), T::zero()); 3];
-        let mut moments = [T::zero(); 3];
+        let mut forces = [(0.0, 0.0); 3];
+        let mut moments = [0.0; 3];
         for k in 0..3 {
             let (s, c, body, length) = (sine[k], cosine[k], &bodies[k], lengths[k]);
             rate += qd[k + 1];
@@ -191,7 +195,7 @@ impl<T: Real> PlanarFinger<T> {
             upward += length * swing_up;
         }
 
-        let (mut out, mut up, mut moment) = (T::zero(), T::zero(), T::zero());
+        let (mut out, mut up, mut moment) = (0.0, 0.0, 0.0);
         for k in (0..3).rev() {
             let (s, c, length) = (sine[k], cosine[k], lengths[k]);
             let (force_out, force_up) = forces[k];
@@ -208,7 +212,7 @@ impl<T: Real> PlanarFinger<T> {
 
     /// Mass times distance along each flexion link, with what that link carries at its end.
     #[inline(always)]
-    fn first_moments(&self) -> [T; 3] {
+    fn first_moments(&self) -> [f64; 3] {
         let [_, l1, l2, _] = self.lengths;
         let [_, b1, b2, b3] = &self.bodies;
         [
@@ -224,7 +228,7 @@ impl<T: Real> PlanarFinger<T> {
     /// `c[i][j] cos(a[i] - a[j])` times the rates of both angles; the sums from the tip
     /// go from these angles to those of the joints.
     #[inline(always)]
-    fn inertia(&self, posture: &Posture<T>) -> (T, Symmetric3<T>) {
+    fn inertia(&self, posture: &Posture) -> (f64, Symmetric3) {
         let [base, l1, l2, _] = self.lengths;
         let [root, b1, b2, b3] = &self.bodies;
         let Posture {
@@ -269,8 +273,8 @@ impl<T: Real> PlanarFinger<T> {
 /// By cofactors, for one division; `None` where the matrix is not positive definite, which its leading
 /// minors say.
 #[inline(always)]
-fn solve<T: Real>(matrix: &Symmetric3<T>, rhs: &Vector3<T>) -> Option<Vector3<T>> {
+fn solve(matrix: &Symmetric3, rhs: &Vector3<f64>) -> Option<Vector3<f64>> {
     let (adjugate, determinant) = matrix.adjugate();
-    let positive = matrix.xx > T::zero() && adjugate.zz > T::zero() && determinant > T::zero();
-    positive.then(|| adjugate.times(rhs) * (T::one() / determinant))
+    let positive = matrix.xx > 0.0 && adjugate.zz > 0.0 && determinant > 0.0;
+    positive.then(|| adjugate.times(rhs) * (1.0 / determinant))
 }

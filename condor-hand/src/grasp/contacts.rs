@@ -3,7 +3,7 @@ use nalgebra::Vector3;
 use super::wrench::finite;
 use super::{GraspError, Twist, Wrench, coincident, off, quantity, too_few, too_large};
 use crate::control::linear::Symmetric3;
-use crate::math::{Real, abs, is_finite, max, real, sqrt};
+use crate::math::{abs, is_finite, sqrt};
 use crate::number::{self, NumberError};
 use crate::{Requirement, Subject};
 
@@ -16,45 +16,38 @@ use crate::{Requirement, Subject};
 /// masses at the contacts, and `M_m` the moment about m. Hence `f_i = F/M + (J⁻¹ M_m) × r_i`. In the spirit of
 /// Hollerbach, Narasimhan and Wood, "Finger force computation without the grip Jacobian" (1986).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contacts<T: Real, const M: usize> {
-    points: [Vector3<T>; M],
-    centroid: Vector3<T>,
+pub struct Contacts<const M: usize> {
+    points: [Vector3<f64>; M],
+    centroid: Vector3<f64>,
     /// From the centroid to each contact, m.
-    arms: [Vector3<T>; M],
+    arms: [Vector3<f64>; M],
     /// The (pseudo-)inverse of the inertia of unit masses at the contacts, 1/m².
-    inverse: Symmetric3<T>,
+    inverse: Symmetric3,
     /// The trace of that inertia: twice the sum of the squares of the arms, m².
-    trace: T,
+    trace: f64,
 }
 
 /// The forces of M fingers on an object that together produce a requested wrench, as
 /// [`Contacts::forces`] computes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerForces<T: Real, const M: usize> {
+pub struct FingerForces<const M: usize> {
     /// The force of each finger on the object, N.
-    pub forces: [Vector3<T>; M],
+    pub forces: [Vector3<f64>; M],
     /// The part of the requested moment that the forces do not produce, N m. It is zero for three
     /// contacts or more; for two, it is the part about the line through them.
-    pub lost_moment: Vector3<T>,
+    pub lost_moment: Vector3<f64>,
 }
 
 /// The least conditioning of three contacts or more.
-#[inline(always)]
-fn least_conditioning<T: Real>() -> T {
-    max(real(1e-9), T::default_epsilon() * real(64.0))
-}
+const LEAST_CONDITIONING: f64 = 1e-9;
 
 /// The least sum of squares of arms, relative to the square of the distance of the centroid: below
 /// it the arms are mostly rounding.
-#[inline(always)]
-fn least_spread<T: Real>() -> T {
-    let relative = T::default_epsilon() * real(1024.0);
-    relative * relative
-}
+const LEAST_SPREAD: f64 = (1024.0 * f64::EPSILON) * (1024.0 * f64::EPSILON);
 
 /// Refuses vectors with a component that is infinite or NaN.
-pub(super) fn check<T: Real, const M: usize>(
-    vectors: &[Vector3<T>; M],
+pub(super) fn check<const M: usize>(
+    vectors: &[Vector3<f64>; M],
     quantity: &'static str,
 ) -> Result<(), NumberError> {
     let mut vectors = vectors.iter().enumerate();
@@ -62,10 +55,10 @@ pub(super) fn check<T: Real, const M: usize>(
 }
 
 /// Refuses a finger's list with an entry that is infinite or NaN.
-pub(super) fn check_list<T: Real>(
+pub(super) fn check_list(
     finger: usize,
     quantity: &'static str,
-    list: &[T],
+    list: &[f64],
 ) -> Result<(), NumberError> {
     list.iter()
         .try_for_each(|&entry| number::finite(quantity, entry))
@@ -73,12 +66,12 @@ pub(super) fn check_list<T: Real>(
 }
 
 #[inline(always)]
-pub(super) fn share<T: Real, const M: usize>() -> T {
-    real(1.0 / f64::from(M as u32))
+pub(super) fn share<const M: usize>() -> f64 {
+    1.0 / f64::from(M as u32)
 }
 
 #[inline(always)]
-pub(super) fn sum<T: Real>(vectors: &[Vector3<T>]) -> Vector3<T> {
+pub(super) fn sum(vectors: &[Vector3<f64>]) -> Vector3<f64> {
     let mut sum = Vector3::zeros();
     for vector in vectors {
         sum += vector;
@@ -86,7 +79,7 @@ pub(super) fn sum<T: Real>(vectors: &[Vector3<T>]) -> Vector3<T> {
     sum
 }
 
-impl<T: Real, const M: usize> Contacts<T, M> {
+impl<const M: usize> Contacts<M> {
     /// Makes the contacts of an object from the positions of the fingertips, `points` (m), in the
     /// frame of the palm.
     ///
@@ -94,29 +87,29 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// [`Number`](GraspError::Number) if a number is not finite, if all contacts are one point, or if three or more
     /// lie on a line.
     #[inline(always)]
-    pub fn new(points: [Vector3<T>; M]) -> Result<Self, GraspError> {
-        let centroid = sum(&points) * share::<T, M>();
+    pub fn new(points: [Vector3<f64>; M]) -> Result<Self, GraspError> {
+        let centroid = sum(&points) * share::<M>();
         let arms = points.map(|point| point - centroid);
         let mut inertia = Symmetric3::zero();
         for arm in &arms {
             inertia.add_point(arm);
         }
         let trace = inertia.trace();
-        let apart = trace > least_spread::<T>() * centroid.norm_squared();
+        let apart = trace > LEAST_SPREAD * centroid.norm_squared();
         let inverse = match M {
             0 => None,
             1 => finite(&centroid).then(Symmetric3::zero),
             // Two opposite arms: J is the projection across the line, times the sum of squares.
             2 => {
-                let factor = T::one() / (trace * trace * real(0.25));
-                (apart && is_finite(factor) && factor > T::zero()).then(|| inertia.scaled(factor))
+                let factor = 1.0 / (trace * trace * 0.25);
+                (apart && is_finite(factor) && factor > 0.0).then(|| inertia.scaled(factor))
             }
             _ => {
                 let (adjugate, determinant) = inertia.adjugate();
-                let third = trace * real(1.0 / 3.0);
-                let factor = T::one() / determinant;
-                let regular = determinant > least_conditioning::<T>() * (third * third * third)
-                    && is_finite(factor);
+                let third = trace * (1.0 / 3.0);
+                let factor = 1.0 / determinant;
+                let regular =
+                    determinant > LEAST_CONDITIONING * (third * third * third) && is_finite(factor);
                 (apart && regular).then(|| adjugate.scaled(factor))
             }
         };
@@ -134,31 +127,31 @@ impl<T: Real, const M: usize> Contacts<T, M> {
 
     /// Returns the positions of the contacts in the frame of the palm, m.
     #[must_use]
-    pub fn points(&self) -> &[Vector3<T>; M] {
+    pub fn points(&self) -> &[Vector3<f64>; M] {
         &self.points
     }
 
     /// Returns the centroid: the mean of the contacts' positions, m.
     #[must_use]
-    pub fn centroid(&self) -> &Vector3<T> {
+    pub fn centroid(&self) -> &Vector3<f64> {
         &self.centroid
     }
 
     /// From the centroid to each contact, m.
     #[inline(always)]
-    pub(super) fn arms(&self) -> &[Vector3<T>; M] {
+    pub(super) fn arms(&self) -> &[Vector3<f64>; M] {
         &self.arms
     }
 
     /// Twice the sum of the squares of the arms, m².
     #[inline(always)]
-    pub(super) fn trace(&self) -> T {
+    pub(super) fn trace(&self) -> f64 {
         self.trace
     }
 
     /// The rotation that a moment of arms and motions (or of arms and forces) belongs to.
     #[inline(always)]
-    pub(super) fn turn(&self, moment: &Vector3<T>) -> Vector3<T> {
+    pub(super) fn turn(&self, moment: &Vector3<f64>) -> Vector3<f64> {
         self.inverse.times(moment)
     }
 
@@ -174,16 +167,16 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     #[inline(always)]
     pub fn forces(
         &self,
-        wrench: &Wrench<T>,
-        about: &Vector3<T>,
-    ) -> Result<FingerForces<T, M>, GraspError> {
+        wrench: &Wrench,
+        about: &Vector3<f64>,
+    ) -> Result<FingerForces<M>, GraspError> {
         let lever = self.centroid - about;
         let moment = wrench.moment - lever.cross(&wrench.force);
         let turn = self.turn(&moment);
-        let part = wrench.force * share::<T, M>();
+        let part = wrench.force * share::<M>();
         // The arms are from the rounded centroid. Near a line the turn is so large that their sum,
         // which is not zero, would be most of what the wrench lacks.
-        let rest = sum(&self.arms) * share::<T, M>();
+        let rest = sum(&self.arms) * share::<M>();
         let forces = self.arms.map(|arm| part + turn.cross(&(arm - rest)));
         let total = sum(&forces);
         // One sum is cheaper than a test for each component: infinities and NaN stay in it.
@@ -194,14 +187,14 @@ impl<T: Real, const M: usize> Contacts<T, M> {
             1 => {
                 // The moment is a difference of these.
                 let terms = wrench.moment.amax() + lever.amax() * wrench.force.amax();
-                if moment.amax() > terms * T::default_epsilon() * real(16.0) {
+                if moment.amax() > terms * f64::EPSILON * 16.0 {
                     let what = "the moment about a single contact, N m,";
                     return Err(off(what, moment.amax(), Requirement::Equal(0.0)));
                 }
                 Vector3::zeros()
             }
             2 => {
-                let lost = moment - turn * (self.trace * real(0.5));
+                let lost = moment - turn * (self.trace * 0.5);
                 // A moment near the largest number rounds to beyond it.
                 if !finite(&lost) {
                     return Err(not_finite(wrench, about));
@@ -232,15 +225,15 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     #[inline]
     pub fn object_motion(
         &self,
-        tips: &[Vector3<T>; M],
-        about: &Vector3<T>,
-    ) -> Result<Twist<T>, GraspError> {
+        tips: &[Vector3<f64>; M],
+        about: &Vector3<f64>,
+    ) -> Result<Twist, GraspError> {
         let mut moment = Vector3::zeros();
         for (arm, tip) in self.arms.iter().zip(tips) {
             moment += arm.cross(tip);
         }
         let angular = self.turn(&moment);
-        let linear = sum(tips) * share::<T, M>() - angular.cross(&(self.centroid - about));
+        let linear = sum(tips) * share::<M>() - angular.cross(&(self.centroid - about));
         let twist = Twist { linear, angular };
         if twist.is_finite() {
             return Ok(twist);
@@ -252,13 +245,13 @@ impl<T: Real, const M: usize> Contacts<T, M> {
 }
 
 #[cold]
-fn not_finite<T: Real>(wrench: &Wrench<T>, about: &Vector3<T>) -> GraspError {
+fn not_finite(wrench: &Wrench, about: &Vector3<f64>) -> GraspError {
     let checked = check_wrench(wrench).and_then(|()| check_about(about));
     checked.map_or_else(GraspError::from, |()| too_large(quantity::FORCE))
 }
 
 /// Refuses a wrench with a part that is infinite or NaN.
-pub(super) fn check_wrench<T: Real>(wrench: &Wrench<T>) -> Result<(), NumberError> {
+pub(super) fn check_wrench(wrench: &Wrench) -> Result<(), NumberError> {
     let mut force = wrench.force.iter();
     let mut moment = wrench.moment.iter();
     force.try_for_each(|&part| number::finite("a part of the force, N,", part))?;
@@ -266,7 +259,7 @@ pub(super) fn check_wrench<T: Real>(wrench: &Wrench<T>) -> Result<(), NumberErro
 }
 
 /// Refuses a point of a wrench or a motion with a coordinate that is infinite or NaN.
-pub(super) fn check_about<T: Real>(about: &Vector3<T>) -> Result<(), NumberError> {
+pub(super) fn check_about(about: &Vector3<f64>) -> Result<(), NumberError> {
     let mut about = about.iter();
     about.try_for_each(|&x| number::finite("a coordinate of the point that it is about, m,", x))
 }
@@ -274,37 +267,37 @@ pub(super) fn check_about<T: Real>(about: &Vector3<T>) -> Result<(), NumberError
 /// Returns the reason why there is no inverse. It computes the inertia again, so that where there is an
 /// inverse the inertia stays in registers.
 #[cold]
-fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
+fn explain<const M: usize>(points: &[Vector3<f64>; M]) -> GraspError {
     if M == 0 {
         return too_few(M, 1.0);
     }
     if let Err(error) = check(points, quantity::TIP) {
         return error.into();
     }
-    let centroid = sum(points) * share::<T, M>();
+    let centroid = sum(points) * share::<M>();
     let mut inertia = Symmetric3::zero();
     for point in points {
         inertia.add_point(&(point - centroid));
     }
     let trace = inertia.trace();
-    let third = trace * real(1.0 / 3.0);
+    let third = trace * (1.0 / 3.0);
     let cube = third * third * third;
     if !is_finite(cube) || !is_finite(centroid.norm_squared()) {
         return too_large(quantity::TIP);
     }
-    let spread = least_spread::<T>() * centroid.norm_squared();
+    let spread = LEAST_SPREAD * centroid.norm_squared();
     let (_, determinant) = inertia.adjugate();
     // Below this the inverse of the determinant is beyond the range of numbers.
-    let inverse = T::one() / cube;
+    let inverse = 1.0 / cube;
     if M >= 3 && trace > spread && is_finite(inverse) {
         let what = "the conditioning of the contacts, which is 0 on a line,";
-        let least = least_conditioning::<T>().to_f64();
+        let least = LEAST_CONDITIONING;
         return off(what, abs(determinant) / cube, Requirement::Above(least));
     }
     let mut points = points.iter();
     let distance = match (points.next(), points.next()) {
         (Some(first), Some(second)) => sqrt((second - first).norm_squared()),
-        _ => T::zero(),
+        _ => 0.0,
     };
     coincident(1, distance, sqrt(spread))
 }

@@ -1,7 +1,7 @@
 use thiserror::Error;
 
 use crate::decimal::Decimal;
-use crate::math::{Real, max};
+use crate::math::max;
 use crate::number::count;
 use crate::{NumberError, Requirement, Subject};
 
@@ -21,11 +21,11 @@ pub(super) mod quantity {
 
 /// The error of a number of the whole grasp.
 #[cold]
-pub(super) fn off<T: Real>(what: &'static str, value: T, must: Requirement) -> GraspError {
+pub(super) fn off(what: &'static str, value: f64, must: Requirement) -> GraspError {
     GraspError::Number(NumberError {
         at: Subject::Whole,
         what,
-        value: value.to_f64(),
+        value,
         must,
     })
 }
@@ -45,12 +45,12 @@ pub(super) fn too_few(contacts: usize, least: f64) -> GraspError {
 
 /// The error of a contact that is at the same point as another one, within the precision of their coordinates.
 #[cold]
-pub(super) fn coincident<T: Real>(contact: usize, distance: T, least: T) -> GraspError {
+pub(super) fn coincident(contact: usize, distance: f64, least: f64) -> GraspError {
     GraspError::Number(NumberError {
         at: Subject::Contact(contact as u16),
         what: "its distance from another contact, m,",
-        value: distance.to_f64(),
-        must: Requirement::Above(max(distance, least).to_f64()),
+        value: distance,
+        must: Requirement::Above(max(distance, least)),
     })
 }
 

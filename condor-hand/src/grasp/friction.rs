@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 
 use super::contacts::check;
 use super::{GraspError, Normals, quantity, too_large};
-use crate::math::{Real, is_finite, sqrt};
+use crate::math::{is_finite, sqrt};
 use crate::number::positive;
 
 /// The Coulomb friction of a fingertip that touches the object in a point.
@@ -10,17 +10,17 @@ use crate::number::positive;
 /// With the coefficient of friction mu, the normal part `f_n` and the tangential part `f_t` of the
 /// force, the contact sticks while `|f_t| <= mu f_n`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ContactFriction<T: Real = f64> {
-    sliding: T,
+pub struct ContactFriction {
+    sliding: f64,
 }
 
-impl<T: Real> ContactFriction<T> {
+impl ContactFriction {
     /// Makes the friction of a point contact with this coefficient of friction: the contact slips
     /// when the tangential force exceeds `coefficient` times the normal force.
     ///
     /// # Errors
     /// [`Number`](GraspError::Number) unless the coefficient is positive.
-    pub fn point(coefficient: T) -> Result<Self, GraspError> {
+    pub fn point(coefficient: f64) -> Result<Self, GraspError> {
         positive("a coefficient of friction", coefficient)?;
         Ok(Self {
             sliding: coefficient,
@@ -35,11 +35,11 @@ impl<T: Real> ContactFriction<T> {
     /// the type.
     pub fn margins<const M: usize>(
         &self,
-        normals: &Normals<T, M>,
-        forces: &[Vector3<T>; M],
-    ) -> Result<[T; M], GraspError> {
+        normals: &Normals<M>,
+        forces: &[Vector3<f64>; M],
+    ) -> Result<[f64; M], GraspError> {
         check(forces, quantity::FORCE)?;
-        let mut margins = [T::zero(); M];
+        let mut margins = [0.0; M];
         for (margin, (force, normal)) in margins.iter_mut().zip(forces.iter().zip(normals.inward()))
         {
             let along = force.dot(normal);

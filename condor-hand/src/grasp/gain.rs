@@ -2,7 +2,7 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 
 use super::{GraspError, Twist, Wrench, off};
 use crate::Requirement;
-use crate::math::{Real, abs, max, real, sqrt};
+use crate::math::{abs, max, sqrt};
 use crate::number::finite;
 
 /// The stiffness or the damping of an object in six axes: along x, y, z and then about x, y, z. A
@@ -11,11 +11,11 @@ use crate::number::finite;
 /// The matrix is always symmetric and has no negative eigenvalue. So a spring with it stores energy
 /// in every direction, and a damper takes energy in every direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SpatialGain<T: Real = f64> {
-    matrix: Matrix6<T>,
+pub struct SpatialGain {
+    matrix: Matrix6<f64>,
 }
 
-impl<T: Real> SpatialGain<T> {
+impl SpatialGain {
     /// Makes a gain from its 6×6 matrix, which must be symmetric without negative eigenvalues,
     /// except for rounding. The result is exactly symmetric.
     ///
@@ -23,8 +23,8 @@ impl<T: Real> SpatialGain<T> {
     /// [`NotSymmetric`](GraspError::NotSymmetric) if the matrix is not symmetric,
     /// [`Number`](GraspError::Number) if an entry is not finite, or if the matrix has a negative eigenvalue: then the
     /// number is the pivot of an axis in the factors L D Lᵀ.
-    pub fn new(matrix: &Matrix6<T>) -> Result<Self, GraspError> {
-        let tolerance = T::default_epsilon() * real(256.0);
+    pub fn new(matrix: &Matrix6<f64>) -> Result<Self, GraspError> {
+        let tolerance = f64::EPSILON * 256.0;
         for row in 0..6 {
             for column in 0..6 {
                 let (value, mirrored) = (matrix[(row, column)], matrix[(column, row)]);
@@ -36,13 +36,13 @@ impl<T: Real> SpatialGain<T> {
                     return Err(GraspError::NotSymmetric {
                         row,
                         column,
-                        value: value.to_f64(),
-                        mirrored: mirrored.to_f64(),
+                        value,
+                        mirrored,
                     });
                 }
             }
         }
-        let half = real::<T>(0.5);
+        let half = 0.5;
         let matrix = matrix.map(|gain| gain * half) + matrix.transpose().map(|gain| gain * half);
         factorize(&matrix, tolerance)?;
         Ok(Self { matrix })
@@ -53,7 +53,7 @@ impl<T: Real> SpatialGain<T> {
     ///
     /// # Errors
     /// [`Number`](GraspError::Number) if a gain is not finite or negative.
-    pub fn diagonal(gains: [T; 6]) -> Result<Self, GraspError> {
+    pub fn diagonal(gains: [f64; 6]) -> Result<Self, GraspError> {
         Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))
     }
 
@@ -68,7 +68,7 @@ impl<T: Real> SpatialGain<T> {
     /// Returns the 6×6 matrix of the gain: rows and columns for x, y, z and then the rotations
     /// about them.
     #[must_use]
-    pub fn matrix(&self) -> &Matrix6<T> {
+    pub fn matrix(&self) -> &Matrix6<f64> {
         &self.matrix
     }
 
@@ -76,7 +76,7 @@ impl<T: Real> SpatialGain<T> {
     /// stiffness) or that a velocity causes (for a damping). Both are about the same point.
     #[inline]
     #[must_use]
-    pub fn times(&self, twist: &Twist<T>) -> Wrench<T> {
+    pub fn times(&self, twist: &Twist) -> Wrench {
         let mut wrench = Wrench::zero();
         let (columns, _) = self.matrix.as_slice().as_chunks::<6>();
         let axes = twist.linear.iter().chain(twist.angular.iter());
@@ -100,36 +100,32 @@ const AXES: [&str; 6] = [
 
 /// Factors into L D Lᵀ, in units that make the diagonal one so that metres and radians compare, and
 /// with the greatest pivot first, so that a singular matrix does not divide by its rounding.
-fn factorize<T: Real>(matrix: &Matrix6<T>, tolerance: T) -> Result<(), GraspError> {
-    let negative = |axis: usize, pivot: T| {
+fn factorize(matrix: &Matrix6<f64>, tolerance: f64) -> Result<(), GraspError> {
+    let negative = |axis: usize, pivot: f64| {
         let what = AXES.get(axis).copied().unwrap_or_default();
         off(what, pivot, Requirement::AtLeast(0.0))
     };
-    let mut roots = [T::zero(); 6];
+    let mut roots = [0.0; 6];
     for (axis, root) in roots.iter_mut().enumerate() {
         let diagonal = matrix[(axis, axis)];
-        if diagonal < T::zero() {
+        if diagonal < 0.0 {
             return Err(negative(axis, diagonal));
         }
         *root = sqrt(diagonal);
-        if *root == T::zero() {
+        if *root == 0.0 {
             let greatest = matrix.column(axis).amax();
-            if greatest > T::zero() {
+            if greatest > 0.0 {
                 return Err(negative(axis, -greatest));
             }
         }
     }
-    let over = |value: T, root: T| {
-        if root > T::zero() {
-            value / root
-        } else {
-            T::zero()
-        }
+    let over = |value: f64, root: f64| {
+        if root > 0.0 { value / root } else { 0.0 }
     };
     let mut rest = Matrix6::from_fn(|i, j| over(over(matrix[(i, j)], roots[i]), roots[j]));
     for row in 0..6 {
         for column in 0..row {
-            let excess = abs(rest[(row, column)]) - T::one();
+            let excess = abs(rest[(row, column)]) - 1.0;
             if excess > tolerance {
                 // A negative minor of these two axes.
                 let root = roots[row];

@@ -6,7 +6,7 @@ use super::{
     Contacts, GraspError, GraspTuning, TorqueExcess, Twist, Wrench, quantity, too_few, too_large,
 };
 use crate::kinematics::{Jacobian, Kinematics};
-use crate::math::{Real, is_finite, real, sqrt};
+use crate::math::{is_finite, sqrt};
 
 /// Up to this angle (rad) the deviation of the object is the linear fit of the tips' motions, which is
 /// the exact dual of the law of forces.
@@ -19,31 +19,31 @@ const RIGID_RAD: f64 = 0.2;
 /// The measured state of one finger, as the grasp law needs it. Vectors are in the axes of the
 /// palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerState<T: Real, const N: usize> {
+pub struct FingerState<const N: usize> {
     /// The position of the tip, m.
-    pub tip: Vector3<T>,
+    pub tip: Vector3<f64>,
     /// The Jacobian of the tip.
-    pub jacobian: Jacobian<T, N>,
+    pub jacobian: Jacobian<N>,
     /// The velocity of the tip, m/s.
-    pub velocity: Vector3<T>,
+    pub velocity: Vector3<f64>,
     /// The torques that bear the finger's own weight, N m.
-    pub gravity_torque: SVector<T, N>,
+    pub gravity_torque: SVector<f64, N>,
     /// The unit direction in which the joints move without moving the tip, if there is one.
-    pub self_motion: Option<SVector<T, N>>,
+    pub self_motion: Option<SVector<f64, N>>,
     /// The positions of the joints, rad.
-    pub q: SVector<T, N>,
+    pub q: SVector<f64, N>,
     /// The rates of the joints, rad/s.
-    pub qd: SVector<T, N>,
+    pub qd: SVector<f64, N>,
 }
 
-impl<T: Real, const N: usize> FingerState<T, N> {
+impl<const N: usize> FingerState<N> {
     /// Computes the state of a finger from its joint positions `q` (rad), joint rates `qd` (rad/s)
     /// and the torques `gravity_torque` (N m) that bear the finger's own weight.
     pub fn new(
-        finger: &impl Kinematics<T, N>,
-        q: &SVector<T, N>,
-        qd: &SVector<T, N>,
-        gravity_torque: &SVector<T, N>,
+        finger: &impl Kinematics<N>,
+        q: &SVector<f64, N>,
+        qd: &SVector<f64, N>,
+        gravity_torque: &SVector<f64, N>,
     ) -> Self {
         let (pose, jacobian) = finger.kinematics(q);
         Self {
@@ -79,8 +79,8 @@ impl<T: Real, const N: usize> FingerState<T, N> {
 
     /// The torques by which the finger exerts a force on the object, N m.
     #[inline]
-    fn torque(&self, force: &Vector3<T>) -> SVector<T, N> {
-        let mut torque = SVector::<T, N>::zeros();
+    fn torque(&self, force: &Vector3<f64>) -> SVector<f64, N> {
+        let mut torque = SVector::<f64, N>::zeros();
         let (columns, _) = self.jacobian.as_slice().as_chunks::<6>();
         for (torque, [x, y, z, ..]) in torque.iter_mut().zip(columns) {
             *torque = *x * force.x + *y * force.y + *z * force.z;
@@ -92,30 +92,30 @@ impl<T: Real, const N: usize> FingerState<T, N> {
 /// The result of one step of [`GraspStiffness`]: the joint torques to command, and how they came
 /// about.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
+pub struct GraspOutput<const M: usize, const N: usize> {
     /// The torques of the joints of each finger, N m.
-    pub torques: [SVector<T, N>; M],
+    pub torques: [SVector<f64, N>; M],
     /// The motion that would bring the object to its desired place, at the centre: m, rad.
-    pub deviation: Twist<T>,
+    pub deviation: Twist,
     /// The velocity of the object, at its middle: m/s, rad/s.
-    pub velocity: Twist<T>,
+    pub velocity: Twist,
     /// The wrench on the object, about its middle, which is the centre less the deviation.
-    pub wrench: Wrench<T>,
+    pub wrench: Wrench,
     /// The forces of the fingers on the object that produce the wrench, N.
-    pub wrench_forces: [Vector3<T>; M],
+    pub wrench_forces: [Vector3<f64>; M],
     /// The total forces of the fingers on the object, including the squeeze, N.
-    pub forces: [Vector3<T>; M],
+    pub forces: [Vector3<f64>; M],
     /// The distance of each finger from slipping, N; negative if it slips.
-    pub margins: [T; M],
+    pub margins: [f64; M],
     /// The fraction of the squeeze that the limits of torque permit, 0 to 1.
-    pub squeeze_share: T,
+    pub squeeze_share: f64,
     /// The joint that limits the squeeze, with its torque at the full squeeze; `None` if the full
     /// squeeze is possible.
-    pub squeeze_limit: Option<TorqueExcess<T>>,
+    pub squeeze_limit: Option<TorqueExcess>,
     /// The joint that exceeds its limit most, even without the part of the squeeze that was taken
     /// away; `None` if no joint does. If there is one, these torques are not possible, and the real
     /// wrench will differ from `wrench`.
-    pub overload: Option<TorqueExcess<T>>,
+    pub overload: Option<TorqueExcess>,
 }
 
 /// The control law by which M fingers (at least 3) of N joints each hold an object, as if it were fixed to its desired
@@ -129,13 +129,13 @@ pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
 /// "Automatic supervisory control of the configuration and behavior of multibody mechanisms", 1977; Khatib, "A unified
 /// approach for motion and force control of robot manipulators", 1987).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GraspStiffness<T: Real, const M: usize, const N: usize> {
-    tuning: GraspTuning<T, M, N>,
-    desired: [Vector3<T>; M],
-    posture: [SVector<T, N>; M],
+pub struct GraspStiffness<const M: usize, const N: usize> {
+    tuning: GraspTuning<M, N>,
+    desired: [Vector3<f64>; M],
+    posture: [SVector<f64, N>; M],
 }
 
-impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
+impl<const M: usize, const N: usize> GraspStiffness<M, N> {
     /// Begins a grasp that holds the object where it is now: the present tips and joint positions
     /// of `fingers` become the desired ones.
     ///
@@ -144,8 +144,8 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// error of [`Contacts::new`] about the tips, or of [`set_tuning`](Self::set_tuning) about the
     /// tuning.
     pub fn engage(
-        fingers: &[FingerState<T, N>; M],
-        tuning: GraspTuning<T, M, N>,
+        fingers: &[FingerState<N>; M],
+        tuning: GraspTuning<M, N>,
     ) -> Result<Self, GraspError> {
         if M < 3 {
             return Err(too_few(M, 3.0));
@@ -166,7 +166,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
 
     /// Returns the present parameters of the grasp, such as stiffness and squeeze.
     #[must_use]
-    pub fn tuning(&self) -> &GraspTuning<T, M, N> {
+    pub fn tuning(&self) -> &GraspTuning<M, N> {
         &self.tuning
     }
 
@@ -174,7 +174,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     ///
     /// # Errors
     /// [`GraspError`] for the first wrong value; the former tuning stays in force then.
-    pub fn set_tuning(&mut self, tuning: GraspTuning<T, M, N>) -> Result<(), GraspError> {
+    pub fn set_tuning(&mut self, tuning: GraspTuning<M, N>) -> Result<(), GraspError> {
         tuning.check()?;
         self.tuning = tuning;
         Ok(())
@@ -182,7 +182,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
 
     /// Returns the desired positions of the fingertips in the frame of the palm, m.
     #[must_use]
-    pub fn desired(&self) -> &[Vector3<T>; M] {
+    pub fn desired(&self) -> &[Vector3<f64>; M] {
         &self.desired
     }
 
@@ -192,7 +192,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// # Errors
     /// An error of [`Contacts::new`] if the tips are not finite, are one point or lie on a line;
     /// the former positions stay desired then.
-    pub fn set_desired(&mut self, tips: &[Vector3<T>; M]) -> Result<(), GraspError> {
+    pub fn set_desired(&mut self, tips: &[Vector3<f64>; M]) -> Result<(), GraspError> {
         check(tips, quantity::DESIRED_TIP)?;
         Contacts::new(*tips)?;
         self.desired = *tips;
@@ -209,10 +209,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// # Errors
     /// [`Number`](GraspError::Number) for wrong numbers, and if the tips have come to lie on a line or determine no
     /// rotation. There are no torques then.
-    pub fn update(
-        &self,
-        fingers: &[FingerState<T, N>; M],
-    ) -> Result<GraspOutput<T, M, N>, GraspError> {
+    pub fn update(&self, fingers: &[FingerState<N>; M]) -> Result<GraspOutput<M, N>, GraspError> {
         for (finger, state) in fingers.iter().enumerate() {
             state.check(finger)?;
         }
@@ -271,11 +268,11 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     }
 
     /// The motion from the present contacts to the desired ones.
-    fn deviation(&self, contacts: &Contacts<T, M>) -> Result<Twist<T>, GraspError> {
+    fn deviation(&self, contacts: &Contacts<M>) -> Result<Twist, GraspError> {
         let center = &self.tuning.center;
         let rigid = contacts.rigid_motion(&self.desired, center)?;
         let angle = sqrt(rigid.angular.norm_squared());
-        let (from, to) = (real::<T>(LINEAR_RAD), real::<T>(RIGID_RAD));
+        let (from, to) = (LINEAR_RAD, RIGID_RAD);
         if angle >= to {
             return Ok(rigid);
         }
@@ -295,7 +292,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     }
 
     /// The torque that keeps the posture of a finger, along its self-motion.
-    fn keep(&self, finger: &FingerState<T, N>, posture: &SVector<T, N>) -> SVector<T, N> {
+    fn keep(&self, finger: &FingerState<N>, posture: &SVector<f64, N>) -> SVector<f64, N> {
         let Some(direction) = &finger.self_motion else {
             return SVector::zeros();
         };

@@ -1,36 +1,36 @@
 use nalgebra::SVector;
 
 use crate::Subject;
-use crate::math::{Real, abs, max};
+use crate::math::{abs, max};
 use crate::number::{NumberError, Requirement};
 
 /// The torques that the joints of one finger can exert, from `low` to `high`, N m.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TorqueLimits<T: Real, const N: usize> {
+pub struct TorqueLimits<const N: usize> {
     /// The least, not above zero.
-    pub low: SVector<T, N>,
+    pub low: SVector<f64, N>,
     /// The greatest, not below zero.
-    pub high: SVector<T, N>,
+    pub high: SVector<f64, N>,
 }
 
 /// The report that a joint would need a torque beyond its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TorqueExcess<T: Real = f64> {
+pub struct TorqueExcess {
     /// The finger, from 0.
     pub finger: usize,
     /// The joint, from 0.
     pub joint: usize,
     /// The required torque, N m.
-    pub torque: T,
+    pub torque: f64,
     /// The limit, N m.
-    pub limit: T,
+    pub limit: f64,
 }
 
-impl<T: Real, const N: usize> TorqueLimits<T, N> {
+impl<const N: usize> TorqueLimits<N> {
     /// Returns infinite limits, with which every torque is permitted.
     #[must_use]
     pub fn none() -> Self {
-        let infinity = T::one() / T::zero();
+        let infinity = f64::INFINITY;
         Self {
             low: SVector::repeat(-infinity),
             high: SVector::repeat(infinity),
@@ -39,7 +39,7 @@ impl<T: Real, const N: usize> TorqueLimits<T, N> {
 
     /// Makes limits from `-limits` to `limits`, N m, for each joint.
     #[must_use]
-    pub fn symmetric(limits: &SVector<T, N>) -> Self {
+    pub fn symmetric(limits: &SVector<f64, N>) -> Self {
         Self {
             low: -limits,
             high: *limits,
@@ -47,7 +47,7 @@ impl<T: Real, const N: usize> TorqueLimits<T, N> {
     }
 
     /// The limit that a torque is beyond, and by how much, N m.
-    fn exceeded(&self, joint: usize, torque: T) -> Option<(T, T)> {
+    fn exceeded(&self, joint: usize, torque: f64) -> Option<(f64, f64)> {
         let (&low, &high) = self.low.get(joint).zip(self.high.get(joint))?;
         if torque > high {
             Some((high, torque - high))
@@ -59,13 +59,13 @@ impl<T: Real, const N: usize> TorqueLimits<T, N> {
     }
 }
 
-pub(super) fn check_limits<T: Real, const M: usize, const N: usize>(
-    limits: &[TorqueLimits<T, N>; M],
+pub(super) fn check_limits<const M: usize, const N: usize>(
+    limits: &[TorqueLimits<N>; M],
 ) -> Result<(), NumberError> {
     for (finger, limits) in limits.iter().enumerate() {
         for (joint, (&low, &high)) in limits.low.iter().zip(limits.high.iter()).enumerate() {
             // An infinite limit is none.
-            let (what, value, must) = match (low <= T::zero(), high >= T::zero()) {
+            let (what, value, must) = match (low <= 0.0, high >= 0.0) {
                 (true, true) => continue,
                 (false, _) => {
                     let what = "the lower limit of the torque, N m,";
@@ -80,7 +80,7 @@ pub(super) fn check_limits<T: Real, const M: usize, const N: usize>(
             return Err(NumberError {
                 at: Subject::FingerJoint { finger, joint },
                 what,
-                value: value.to_f64(),
+                value,
                 must,
             });
         }
@@ -90,23 +90,23 @@ pub(super) fn check_limits<T: Real, const M: usize, const N: usize>(
 
 /// The part of a squeeze that the joints can bear beside the torques of a load.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fit<T: Real> {
+pub(super) struct Fit {
     /// The part of the squeeze, 0 to 1.
-    pub(super) share: T,
+    pub(super) share: f64,
     /// The joint that allows no more, with its torque at the whole squeeze.
-    pub(super) squeeze_limit: Option<TorqueExcess<T>>,
+    pub(super) squeeze_limit: Option<TorqueExcess>,
     /// The joint that is farthest beyond its limit even so.
-    pub(super) overload: Option<TorqueExcess<T>>,
+    pub(super) overload: Option<TorqueExcess>,
 }
 
 /// The greatest part of the squeeze that pushes no joint beyond its limit. The load is left whole.
-pub(super) fn fit<T: Real, const M: usize, const N: usize>(
-    load: &[SVector<T, N>; M],
-    squeeze: &[SVector<T, N>; M],
-    limits: &[TorqueLimits<T, N>; M],
-) -> Fit<T> {
+pub(super) fn fit<const M: usize, const N: usize>(
+    load: &[SVector<f64, N>; M],
+    squeeze: &[SVector<f64, N>; M],
+    limits: &[TorqueLimits<N>; M],
+) -> Fit {
     let mut fit = Fit {
-        share: T::one(),
+        share: 1.0,
         squeeze_limit: None,
         overload: None,
     };
@@ -119,10 +119,10 @@ pub(super) fn fit<T: Real, const M: usize, const N: usize>(
             };
             // A squeeze that relieves the joint is not what exceeds its limit.
             let outward = if torque > limit { squeeze } else { -squeeze };
-            if outward <= T::zero() {
+            if outward <= 0.0 {
                 continue;
             }
-            let share = max((limit - load) / squeeze, T::zero());
+            let share = max((limit - load) / squeeze, 0.0);
             if share < fit.share {
                 fit.share = share;
                 fit.squeeze_limit = Some(TorqueExcess {
@@ -134,13 +134,13 @@ pub(super) fn fit<T: Real, const M: usize, const N: usize>(
             }
         }
     }
-    let mut worst = T::zero();
+    let mut worst = 0.0;
     for (finger, ((load, squeeze), limits)) in fingers() {
         for (joint, (&load, &squeeze)) in load.iter().zip(squeeze.iter()).enumerate() {
             let torque = load + squeeze * fit.share;
             if let Some((limit, excess)) = limits.exceeded(joint, torque) {
                 // The share was made to meet one limit: what is beyond it by rounding is at it.
-                let rounding = max(abs(load), abs(limit)) * T::default_epsilon();
+                let rounding = max(abs(load), abs(limit)) * f64::EPSILON;
                 if excess > worst && excess > rounding + rounding {
                     worst = excess;
                     fit.overload = Some(TorqueExcess {

@@ -4,7 +4,7 @@ use super::contacts::{check, check_about, share, sum};
 use super::quaternion::Rotation;
 use super::{Contacts, GraspError, Twist, off, quantity, too_few, too_large};
 use crate::Requirement;
-use crate::math::{Real, abs, is_finite, real, sqrt};
+use crate::math::{abs, is_finite, sqrt};
 
 /// Newton's steps to the greatest eigenvalue: two or three for a rigid object, more only where two
 /// eigenvalues nearly meet.
@@ -13,7 +13,7 @@ const STEPS: usize = 60;
 /// Steps that bring the rotation to full precision.
 const POLISHING: usize = 3;
 
-impl<T: Real, const M: usize> Contacts<T, M> {
+impl<const M: usize> Contacts<M> {
     /// Returns the rigid motion that takes the contacts to the positions `desired` (m). If no rigid motion does so
     /// exactly, because the tips have slipped, it is the one with the least squares of errors.
     ///
@@ -30,25 +30,25 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// image of the contacts; if a point is not finite, or if the result exceeds the range of the type.
     pub fn rigid_motion(
         &self,
-        desired: &[Vector3<T>; M],
-        about: &Vector3<T>,
-    ) -> Result<Twist<T>, GraspError> {
+        desired: &[Vector3<f64>; M],
+        about: &Vector3<f64>,
+    ) -> Result<Twist, GraspError> {
         if M < 3 {
             return Err(too_few(M, 3.0));
         }
         check(desired, quantity::DESIRED_TIP)?;
         check_about(about)?;
-        let center = sum(desired) * share::<T, M>();
+        let center = sum(desired) * share::<M>();
         let images = desired.map(|point| point - center);
         let mut rotation = self.fit(&images)?;
-        let done = T::default_epsilon() * T::default_epsilon();
+        let done = f64::EPSILON * f64::EPSILON;
         for _ in 0..POLISHING {
             let back = rotation.matrix().transpose();
             let mut moment = Vector3::zeros();
             for (arm, image) in self.arms().iter().zip(&images) {
                 moment += arm.cross(&(back * image));
             }
-            let half = self.turn(&moment) * real::<T>(0.5);
+            let half = self.turn(&moment) * 0.5;
             rotation = rotation.after_small(&half);
             if half.norm_squared() <= done {
                 break;
@@ -66,16 +66,16 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     }
 
     /// The rotation that takes the arms to the images best.
-    fn fit(&self, images: &[Vector3<T>; M]) -> Result<Rotation<T>, GraspError> {
+    fn fit(&self, images: &[Vector3<f64>; M]) -> Result<Rotation, GraspError> {
         // In units of the mean square size no power overflows, and the greatest eigenvalue is at
         // most one.
-        let mut size = self.trace() * real(0.5);
+        let mut size = self.trace() * 0.5;
         for image in images {
             size += image.norm_squared();
         }
-        size *= real(0.5);
-        let unit = T::one() / size;
-        if !(unit > T::zero() && is_finite(unit)) {
+        size *= 0.5;
+        let unit = 1.0 / size;
+        if !(unit > 0.0 && is_finite(unit)) {
             return Err(too_large(quantity::DESIRED_TIP));
         }
         let [mut x, mut y, mut z] = [Vector3::zeros(); 3];
@@ -93,11 +93,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         ];
         let (_, product) = adjugate(&horn);
         let squares = x.norm_squared() + y.norm_squared() + z.norm_squared();
-        let greatest = greatest_root(
-            -(squares + squares),
-            x.dot(&y.cross(&z)) * real(-8.0),
-            product,
-        );
+        let greatest = greatest_root(-(squares + squares), x.dot(&y.cross(&z)) * -8.0, product);
         let mut shifted = horn;
         for (row, line) in shifted.iter_mut().enumerate() {
             if let Some(diagonal) = line.get_mut(row) {
@@ -106,41 +102,41 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         }
         // Every row of cofactors is the eigenvector times its component: the longest is exact best.
         let (rows, _) = adjugate(&shifted);
-        let mut best = [T::zero(); 4];
-        let mut trace = T::zero();
-        let mut most = T::zero();
+        let mut best = [0.0; 4];
+        let mut trace = 0.0;
+        let mut most = 0.0;
         for (index, row) in rows.iter().enumerate() {
-            let size = row.get(index).map_or(T::zero(), |diagonal| abs(*diagonal));
+            let size = row.get(index).map_or(0.0, |diagonal| abs(*diagonal));
             trace += size;
             if size > most {
                 (most, best) = (size, *row);
             }
         }
         // A double root is found to the square root of rounding only.
-        let least = sqrt(T::default_epsilon()) * real(64.0);
+        let least = sqrt(f64::EPSILON) * 64.0;
         if trace > least {
             let [w, x, y, z] = best;
             return Ok(Rotation::normalized(w, Vector3::new(x, y, z)));
         }
         let what = "the separation of the fingertips, which is 0 at one point and on a line,";
-        Err(off(what, trace, Requirement::Above(least.to_f64())))
+        Err(off(what, trace, Requirement::Above(least)))
     }
 }
 
 /// The greatest root of `s⁴ + c2 s² + c1 s + c0`, whose roots are real and at most one.
-fn greatest_root<T: Real>(c2: T, c1: T, c0: T) -> T {
-    let mut root = T::one();
+fn greatest_root(c2: f64, c1: f64, c0: f64) -> f64 {
+    let mut root = 1.0;
     for _ in 0..STEPS {
         let square = root * root;
         let value = (square + c2) * square + c1 * root + c0;
-        let slope = (real::<T>(4.0) * square + c2 + c2) * root + c1;
+        let slope = (4.0 * square + c2 + c2) * root + c1;
         // Above the greatest root both are positive; what is not, is rounding.
-        if !(value > T::zero() && slope > T::zero()) {
+        if !(value > 0.0 && slope > 0.0) {
             break;
         }
         let step = value / slope;
         root -= step;
-        if step <= T::default_epsilon() {
+        if step <= f64::EPSILON {
             break;
         }
     }
@@ -148,7 +144,7 @@ fn greatest_root<T: Real>(c2: T, c1: T, c0: T) -> T {
 }
 
 /// The cofactors, transposed, and the determinant of a 4×4 matrix, by its minors of two rows.
-fn adjugate<T: Real>(rows: &[[T; 4]; 4]) -> ([[T; 4]; 4], T) {
+fn adjugate(rows: &[[f64; 4]; 4]) -> ([[f64; 4]; 4], f64) {
     let [
         [a00, a01, a02, a03],
         [a10, a11, a12, a13],
@@ -226,6 +222,6 @@ mod tests {
     fn the_greatest_of_real_roots_is_found_from_above() {
         // (s - 0.9) (s + 0.2) (s + 0.3) (s + 0.4)
         let (c2, c1, c0) = (-0.55, -0.21, -0.0216);
-        assert!((greatest_root::<f64>(c2, c1, c0) - 0.9).abs() < 1e-15);
+        assert!((greatest_root(c2, c1, c0) - 0.9).abs() < 1e-15);
     }
 }

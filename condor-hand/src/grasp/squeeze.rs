@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 
 use super::{Contacts, GraspError, coincident, off, quantity, too_large};
 use crate::Requirement;
-use crate::math::{Real, max, real, sqrt};
+use crate::math::{max, sqrt};
 use crate::number::{count, not_negative};
 
 /// Internal forces of a grasp: each pair of fingers presses on the object from both ends of the line between the two
@@ -14,17 +14,17 @@ use crate::number::{count, not_negative};
 /// (the self-stress of the complete graph), and the internal forces normal to the plane, of alternating sign, cannot be
 /// expressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Squeeze<T: Real, const M: usize> {
+pub struct Squeeze<const M: usize> {
     /// In row i, column j > i the force on the edge between i and j, N.
-    edges: [[T; M]; M],
+    edges: [[f64; M]; M],
 }
 
-impl<T: Real, const M: usize> Squeeze<T, M> {
+impl<const M: usize> Squeeze<M> {
     /// Returns a squeeze without force on any edge.
     #[must_use]
     pub fn none() -> Self {
         Self {
-            edges: [[T::zero(); M]; M],
+            edges: [[0.0; M]; M],
         }
     }
 
@@ -32,7 +32,7 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
     ///
     /// # Errors
     /// [`Number`](GraspError::Number) for a force below zero or not finite.
-    pub fn equal(force: T) -> Result<Self, GraspError> {
+    pub fn equal(force: f64) -> Result<Self, GraspError> {
         let mut squeeze = Self::none();
         for first in 0..M {
             for second in first + 1..M {
@@ -47,12 +47,17 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
     ///
     /// # Errors
     /// [`Number`](GraspError::Number) for a force below zero or not finite, and for an edge that does not exist.
-    pub fn with_edge(mut self, first: usize, second: usize, force: T) -> Result<Self, GraspError> {
+    pub fn with_edge(
+        mut self,
+        first: usize,
+        second: usize,
+        force: f64,
+    ) -> Result<Self, GraspError> {
         self.set(first, second, force)?;
         Ok(self)
     }
 
-    fn set(&mut self, first: usize, second: usize, force: T) -> Result<(), GraspError> {
+    fn set(&mut self, first: usize, second: usize, force: f64) -> Result<(), GraspError> {
         let (low, high) = (first.min(second), first.max(second));
         let row = self.edges.get_mut(low);
         match row.and_then(|row| row.get_mut(high)) {
@@ -73,7 +78,7 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
     }
 }
 
-impl<T: Real, const M: usize> Contacts<T, M> {
+impl<const M: usize> Contacts<M> {
     /// Returns the force that each finger exerts on the object because of `squeeze`, N. The forces produce no wrench.
     ///
     /// An edge (i, j) with the force s adds `+s e` at contact i and `-s e` at contact j, where e is the unit vector
@@ -82,7 +87,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// # Errors
     /// [`Number`](GraspError::Number) for contacts at one point with a squeeze between them, or if a result exceeds the
     /// range of the type.
-    pub fn internal_forces(&self, squeeze: &Squeeze<T, M>) -> Result<[Vector3<T>; M], GraspError> {
+    pub fn internal_forces(&self, squeeze: &Squeeze<M>) -> Result<[Vector3<f64>; M], GraspError> {
         let mut forces = [Vector3::zeros(); M];
         for (first, row) in squeeze.edges.iter().enumerate() {
             // From the end of the arrays that starts at this contact: its own force, and those after.
@@ -94,12 +99,12 @@ impl<T: Real, const M: usize> Contacts<T, M> {
             let [start, ends @ ..] = points else { continue };
             let edges = row.iter().skip(first + 1);
             for (step, ((end, other), &edge)) in ends.iter().zip(others).zip(edges).enumerate() {
-                if edge == T::zero() {
+                if edge == 0.0 {
                     continue;
                 }
                 let span = end - start;
                 let length = sqrt(span.norm_squared());
-                let shortest = max(start.amax(), end.amax()) * T::default_epsilon() * real(16.0);
+                let shortest = max(start.amax(), end.amax()) * f64::EPSILON * 16.0;
                 if length <= shortest {
                     return Err(coincident(first + 1 + step, length, shortest));
                 }

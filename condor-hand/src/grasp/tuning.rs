@@ -6,54 +6,53 @@ use super::{
     ContactFriction, Contacts, GraspError, Normals, SpatialGain, Squeeze, TorqueLimits, Twist,
     Wrench,
 };
-use crate::Real;
 use crate::number::{self, not_negative};
 
 /// The surface of the object that the fingers touch. Only the friction margins depend on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum TuningSurface<T: Real, const M: usize> {
+pub enum TuningSurface<const M: usize> {
     /// A surface with these normals at the tips, while the object is at its desired place. They
     /// turn with the object.
-    Normals(Normals<T, M>),
+    Normals(Normals<M>),
     /// A ball with its centre here (m) while it is where it is desired. The centre moves with it.
-    Ball(Vector3<T>),
+    Ball(Vector3<f64>),
 }
 
 /// The gains that keep the posture of a finger: they act on joint motions that do not move the tip.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Posture<T: Real = f64> {
+pub struct Posture {
     /// The stiffness towards the desired posture, N m/rad.
-    pub stiffness: T,
+    pub stiffness: f64,
     /// The damping of the rates of the joints, N m s/rad.
-    pub damping: T,
+    pub damping: f64,
 }
 
 /// The parameters of a [grasp law](super::GraspStiffness), which may change while it holds an
 /// object.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GraspTuning<T: Real, const M: usize, const N: usize> {
+pub struct GraspTuning<const M: usize, const N: usize> {
     /// The stiffness of the object, about its middle in the axes of the palm.
-    pub stiffness: SpatialGain<T>,
+    pub stiffness: SpatialGain,
     /// The damping of the object, about its middle in the axes of the palm.
-    pub damping: SpatialGain<T>,
+    pub damping: SpatialGain,
     /// The desired place of the middle of the object in the palm, m. The stiffness and all wrenches are
     /// about the middle, wherever it is.
-    pub center: Vector3<T>,
+    pub center: Vector3<f64>,
     /// A further wrench on the object, about its middle, such as that which bears its weight.
-    pub feed_forward: Wrench<T>,
+    pub feed_forward: Wrench,
     /// The squeeze, by which the fingers press on the object.
-    pub squeeze: Squeeze<T, M>,
+    pub squeeze: Squeeze<M>,
     /// The surface of the object.
-    pub surface: TuningSurface<T, M>,
+    pub surface: TuningSurface<M>,
     /// The friction, which determines when fingers slip.
-    pub friction: ContactFriction<T>,
+    pub friction: ContactFriction,
     /// The gains that keep the joints where the tips leave them free.
-    pub posture: Posture<T>,
+    pub posture: Posture,
     /// The limits of the torques of each finger's joints.
-    pub limits: [TorqueLimits<T, N>; M],
+    pub limits: [TorqueLimits<N>; M],
 }
 
-impl<T: Real, const M: usize, const N: usize> GraspTuning<T, M, N> {
+impl<const M: usize, const N: usize> GraspTuning<M, N> {
     /// Refuses what the types of the fields let pass.
     pub(super) fn check(&self) -> Result<(), GraspError> {
         check_wrench(&self.feed_forward)?;
@@ -77,9 +76,9 @@ impl<T: Real, const M: usize, const N: usize> GraspTuning<T, M, N> {
     /// The normals at the contacts of an object that is this far from where it is desired.
     pub(super) fn normals(
         &self,
-        contacts: &Contacts<T, M>,
-        deviation: &Twist<T>,
-    ) -> Result<Normals<T, M>, GraspError> {
+        contacts: &Contacts<M>,
+        deviation: &Twist,
+    ) -> Result<Normals<M>, GraspError> {
         let back = super::quaternion::Rotation::by(&-deviation.angular).matrix();
         match &self.surface {
             TuningSurface::Normals(normals) => {

@@ -1,27 +1,27 @@
 use nalgebra::Vector3;
 
-use crate::math::{Real, is_finite};
+use crate::math::is_finite;
 
 /// A force and a moment. The item that uses a wrench says about which point the moment is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wrench<T: Real = f64> {
+pub struct Wrench {
     /// The force, N.
-    pub force: Vector3<T>,
+    pub force: Vector3<f64>,
     /// The moment, N m.
-    pub moment: Vector3<T>,
+    pub moment: Vector3<f64>,
 }
 
 /// A small motion of a rigid body, or its velocity: the motion of one point of the body, and the
 /// rotation. The item that uses a twist says which point that is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Twist<T: Real = f64> {
+pub struct Twist {
     /// The motion of the body's point, m, or m/s.
-    pub linear: Vector3<T>,
+    pub linear: Vector3<f64>,
     /// The rotation as axis times angle, rad, or rad/s.
-    pub angular: Vector3<T>,
+    pub angular: Vector3<f64>,
 }
 
-impl<T: Real> Wrench<T> {
+impl Wrench {
     /// Returns a wrench without force and moment.
     #[must_use]
     pub fn zero() -> Self {
@@ -33,13 +33,13 @@ impl<T: Real> Wrench<T> {
 
     /// Adds a force (N) and the moment that it causes. `lever` (m) is the vector from the point of
     /// this wrench to the point at which the force acts.
-    pub fn add_force(&mut self, force: &Vector3<T>, lever: &Vector3<T>) {
+    pub fn add_force(&mut self, force: &Vector3<f64>, lever: &Vector3<f64>) {
         self.force += force;
         self.moment += lever.cross(force);
     }
 }
 
-impl<T: Real> Twist<T> {
+impl Twist {
     /// Returns a twist without motion.
     #[must_use]
     pub fn zero() -> Self {
@@ -56,6 +56,6 @@ impl<T: Real> Twist<T> {
 
 /// All three components are numbers.
 #[inline(always)]
-pub(super) fn finite<T: Real>(vector: &Vector3<T>) -> bool {
+pub(super) fn finite(vector: &Vector3<f64>) -> bool {
     vector.iter().all(|&component| is_finite(component))
 }

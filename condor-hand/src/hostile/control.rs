@@ -154,15 +154,10 @@ struct Subject<'h, M> {
     hand: &'h Shipped,
     finger: usize,
     fault: Option<FingerFault>,
-    sensed: FingerReadings<f64, 4>,
+    sensed: FingerReadings<4>,
 }
 
-fn drive<M: Dynamics<f64, 4>>(
-    hand: &Shipped,
-    finger: usize,
-    mechanism: M,
-    source: &mut Source<'_>,
-) {
+fn drive<M: Dynamics<4>>(hand: &Shipped, finger: usize, mechanism: M, source: &mut Source<'_>) {
     let entry = &hand.fingers[finger];
     let controller = FingerController::new(hand, entry, mechanism)
         .expect("a hand that keeps the rules has controllers");
@@ -188,7 +183,7 @@ fn drive<M: Dynamics<f64, 4>>(
     }
 }
 
-impl<M: Dynamics<f64, 4>> Subject<'_, M> {
+impl<M: Dynamics<4>> Subject<'_, M> {
     fn event(&mut self, source: &mut Source<'_>) {
         let joint = source.below(5);
         let refused = match source.byte() % 12 {
@@ -329,7 +324,7 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
     }
 }
 
-fn target(source: &mut Source<'_>) -> JointTarget<f64> {
+fn target(source: &mut Source<'_>) -> JointTarget {
     match source.byte() % 6 {
         0 => JointTarget::Off,
         1 => JointTarget::Tension(Pair {

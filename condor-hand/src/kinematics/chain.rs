@@ -2,15 +2,15 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::check;
 use crate::number::{NumberError, not_negative};
-use crate::{Pose, Real, Subject};
+use crate::{Pose, Subject};
 
 /// The motion by which a joint moves its link relative to the link before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ChainMotion<T: Real = f64> {
+pub enum ChainMotion {
     /// The link rotates about this unit axis, rad.
-    Revolute(Vector3<T>),
+    Revolute(Vector3<f64>),
     /// The link slides along this unit axis, m.
-    Prismatic(Vector3<T>),
+    Prismatic(Vector3<f64>),
     /// The link does not move: it stands for a joint that this mechanism does not have. Its column
     /// of a Jacobian is zero.
     Fixed,
@@ -18,22 +18,22 @@ pub enum ChainMotion<T: Real = f64> {
 
 /// A joint of a [`Chain`]: its place on the link before it, and its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ChainJoint<T: Real = f64> {
+pub struct ChainJoint {
     /// The frame of the link at the joint's zero, in the frame of the link before it.
-    pub placement: Pose<T>,
+    pub placement: Pose,
     /// Its motion from there; the axis is in the frame of the link.
-    pub motion: ChainMotion<T>,
+    pub motion: ChainMotion,
 }
 
 /// The mass, the centre of mass and the inertia of a link of a [`Chain`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ChainBody<T: Real = f64> {
+pub struct ChainBody {
     /// The mass, kg.
-    pub mass: T,
+    pub mass: f64,
     /// The centre of mass, m.
-    pub center: Vector3<T>,
+    pub center: Vector3<f64>,
     /// Inertia about the centre of mass in the axes of the link, kg m².
-    pub inertia: Matrix3<T>,
+    pub inertia: Matrix3<f64>,
 }
 
 /// The kinematic and dynamic model of any serial mechanism of N joints, each of which rotates,
@@ -54,14 +54,14 @@ pub struct ChainBody<T: Real = f64> {
 /// # Ok::<_, condor_hand::NumberError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Chain<T: Real, const N: usize> {
-    pub(crate) base: Pose<T>,
-    pub(crate) joints: [ChainJoint<T>; N],
-    pub(crate) bodies: [ChainBody<T>; N],
-    pub(crate) tip: Vector3<T>,
+pub struct Chain<const N: usize> {
+    pub(crate) base: Pose,
+    pub(crate) joints: [ChainJoint; N],
+    pub(crate) bodies: [ChainBody; N],
+    pub(crate) tip: Vector3<f64>,
 }
 
-impl<T: Real, const N: usize> Chain<T, N> {
+impl<const N: usize> Chain<N> {
     /// Makes a mechanism from its parts.
     ///
     /// * `base`: the pose of the mechanism's base in the palm.
@@ -72,12 +72,12 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// # Errors
     /// [`NumberError`] for the first part that cannot be: an axis that is not a unit vector, a
     /// rotation that is not orthonormal and right-handed, a negative mass, an inertia that no body
-    /// has, or a number that is not finite. Entries may be off by 10⁻⁹, those of `f32` by 10⁻⁶.
+    /// has, or a number that is not finite. Entries may be off by 10⁻⁹.
     pub fn new(
-        base: Pose<T>,
-        joints: [ChainJoint<T>; N],
-        bodies: [ChainBody<T>; N],
-        tip: Vector3<T>,
+        base: Pose,
+        joints: [ChainJoint; N],
+        bodies: [ChainBody; N],
+        tip: Vector3<f64>,
     ) -> Result<Self, NumberError> {
         check::pose(Subject::Base, &base)?;
         for (number, joint) in joints.iter().enumerate() {
@@ -100,25 +100,25 @@ impl<T: Real, const N: usize> Chain<T, N> {
 
     /// Returns the pose of the mechanism's base in the frame of the palm.
     #[must_use]
-    pub const fn base(&self) -> &Pose<T> {
+    pub const fn base(&self) -> &Pose {
         &self.base
     }
 
     /// Returns the joints of the mechanism, proximal first.
     #[must_use]
-    pub const fn joints(&self) -> &[ChainJoint<T>; N] {
+    pub const fn joints(&self) -> &[ChainJoint; N] {
         &self.joints
     }
 
     /// Returns the bodies of the links; body *i* is moved by joint *i*.
     #[must_use]
-    pub const fn bodies(&self) -> &[ChainBody<T>; N] {
+    pub const fn bodies(&self) -> &[ChainBody; N] {
         &self.bodies
     }
 
     /// Returns the position of the tip in the frame of the last link, m.
     #[must_use]
-    pub const fn tip_point(&self) -> &Vector3<T> {
+    pub const fn tip_point(&self) -> &Vector3<f64> {
         &self.tip
     }
 
@@ -138,13 +138,13 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 }
 
-impl<T: Real> ChainBody<T> {
+impl ChainBody {
     /// Returns a body with zero mass and zero inertia, for a chain of which only the kinematics is
     /// used.
     #[must_use]
     pub fn massless() -> Self {
         Self {
-            mass: T::zero(),
+            mass: 0.0,
             center: Vector3::zeros(),
             inertia: Matrix3::zeros(),
         }

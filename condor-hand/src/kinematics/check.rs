@@ -3,31 +3,25 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::Subject;
-use crate::math::{Real, abs, max, sqrt};
+use crate::math::{abs, max, sqrt};
 use crate::number::{NumberError, Requirement, check, finite, positive};
 use crate::pose::Pose;
 
 const ORTHONORMAL: &str = "the error of the rotation, whose columns must be unit vectors at right angles, x, y and \
      z = x × y,";
 
-/// The largest error of an entry of an orthonormal matrix: people write ten digits, and `f32` has seven.
-fn tolerance<T: Real>() -> f64 {
-    if T::of(1.0 + 1e-9).to_f64() > 1.0 {
-        1e-9
-    } else {
-        1e-6
-    }
-}
+/// The largest error of an entry of an orthonormal matrix: people write ten digits.
+const TOLERANCE: f64 = 1e-9;
 
-pub(super) fn position<T: Real>(part: Subject, at: &Vector3<T>) -> Result<(), NumberError> {
+pub(super) fn position(part: Subject, at: &Vector3<f64>) -> Result<(), NumberError> {
     at.iter()
         .try_for_each(|&x| finite("a coordinate, m,", x))
         .map_err(|error| error.at(part))
 }
 
-pub(super) fn pose<T: Real>(part: Subject, pose: &Pose<T>) -> Result<(), NumberError> {
+pub(super) fn pose(part: Subject, pose: &Pose) -> Result<(), NumberError> {
     position(part, &pose.position)?;
-    let rotation = pose.rotation.map(T::to_f64);
+    let rotation = pose.rotation;
     let product = rotation.tr_mul(&rotation) - Matrix3::identity();
     let turned = abs(rotation.determinant() - 1.0);
     let off = product
@@ -36,14 +30,13 @@ pub(super) fn pose<T: Real>(part: Subject, pose: &Pose<T>) -> Result<(), NumberE
     let mut entries = pose.rotation.iter();
     entries
         .try_for_each(|&x| finite("an entry of the rotation", x))
-        .and_then(|()| check(ORTHONORMAL, off, Requirement::AtMost(tolerance::<T>())))
+        .and_then(|()| check(ORTHONORMAL, off, Requirement::AtMost(TOLERANCE)))
         .map_err(|error| error.at(part))
 }
 
-pub(super) fn axis<T: Real>(joint: usize, axis: &Vector3<T>) -> Result<(), NumberError> {
-    let axis = axis.map(T::to_f64);
-    let length = sqrt(axis.dot(&axis));
-    if abs(length - 1.0) <= tolerance::<T>() {
+pub(super) fn axis(joint: usize, axis: &Vector3<f64>) -> Result<(), NumberError> {
+    let length = sqrt(axis.dot(axis));
+    if abs(length - 1.0) <= TOLERANCE {
         return Ok(());
     }
     Err(NumberError {
@@ -54,9 +47,8 @@ pub(super) fn axis<T: Real>(joint: usize, axis: &Vector3<T>) -> Result<(), Numbe
     })
 }
 
-pub(super) fn inertia<T: Real>(link: usize, inertia: &Matrix3<T>) -> Result<(), NumberError> {
-    let inertia = inertia.map(T::to_f64);
-    body_inertia(&inertia, tolerance::<T>()).map_err(|error| error.at(Subject::Link(link as u16)))
+pub(super) fn inertia(link: usize, inertia: &Matrix3<f64>) -> Result<(), NumberError> {
+    body_inertia(inertia, TOLERANCE).map_err(|error| error.at(Subject::Link(link as u16)))
 }
 
 /// Checks that a body, perhaps a flat one, a thin one or a point, can have this inertia, up to `slack` of its

@@ -2,7 +2,7 @@ use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
 use super::check;
 use super::{Chain, ChainBody, ChainJoint, ChainMotion, Jacobian, Kinematics};
-use crate::math::{Real, is_finite, of_sum, sin_cos, sqrt};
+use crate::math::{is_finite, of_sum, sin_cos, sqrt};
 use crate::number::{NumberError, not_negative};
 use crate::{Pose, Subject};
 
@@ -23,30 +23,30 @@ use crate::{Pose, Subject};
 /// turns it about z; joint k moves it along `-Z_k e - X_k z` and turns it about y'. They follow from
 /// the product of placements that [`Chain`] forms, with all axes written out.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlanarFinger<T: Real = f64> {
-    pub(crate) base: Pose<T>,
-    pub(crate) lengths: [T; 4],
-    pub(crate) bodies: [Rod<T>; 4],
+pub struct PlanarFinger {
+    pub(crate) base: Pose,
+    pub(crate) lengths: [f64; 4],
+    pub(crate) bodies: [Rod; 4],
 }
 
 /// The body of a straight link of a [`PlanarFinger`]: its centre of mass is on the line of the
 /// link, and its principal axes are those of the link.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rod<T: Real = f64> {
+pub struct Rod {
     /// The mass, kg.
-    pub mass: T,
+    pub mass: f64,
     /// The centre of mass, from the link's own axis along the link, m.
-    pub center: T,
+    pub center: f64,
     /// Moments of inertia about the centre of mass: along x (the link), y (the flexion axis) and z,
     /// kg m².
-    pub inertia: Vector3<T>,
+    pub inertia: Vector3<f64>,
 }
 
-impl<T: Real> Rod<T> {
-    fn body(&self) -> ChainBody<T> {
+impl Rod {
+    fn body(&self) -> ChainBody {
         ChainBody {
             mass: self.mass,
-            center: Vector3::new(self.center, T::zero(), T::zero()),
+            center: Vector3::new(self.center, 0.0, 0.0),
             inertia: Matrix3::from_diagonal(&self.inertia),
         }
     }
@@ -54,28 +54,28 @@ impl<T: Real> Rod<T> {
 
 /// The finger in one posture, in its own plane.
 #[derive(Clone, Copy)]
-struct Posture<T: Real> {
+struct Posture {
     /// Sine and cosine of the first angle.
-    turn: (T, T),
+    turn: (f64, f64),
     /// Sine and cosine of the absolute angle of the last link.
-    last: (T, T),
+    last: (f64, f64),
     /// The tip beyond each flexion axis, along the finger, m.
-    along: [T; 3],
+    along: [f64; 3],
     /// The tip below each flexion axis, m.
-    down: [T; 3],
+    down: [f64; 3],
     /// From the first axis to the tip, along the finger, m.
-    radius: T,
+    radius: f64,
 }
 
 /// The axes of the plane of the finger, in the palm.
 #[derive(Clone, Copy)]
-struct Axes<T: Real> {
-    radial: Vector3<T>,
-    flexion: Vector3<T>,
-    up: Vector3<T>,
+struct Axes {
+    radial: Vector3<f64>,
+    flexion: Vector3<f64>,
+    up: Vector3<f64>,
 }
 
-impl<T: Real> PlanarFinger<T> {
+impl PlanarFinger {
     /// Makes a planar finger from its parts.
     ///
     /// * `base`: the pose of the finger's base in the palm. Its origin is on the axis of the first joint, at the height
@@ -87,7 +87,7 @@ impl<T: Real> PlanarFinger<T> {
     /// [`NumberError`] for the first part that cannot be: a rotation that is not orthonormal and
     /// right-handed, a negative length or mass, an inertia that no body has, or a number that is not
     /// finite.
-    pub fn new(base: Pose<T>, lengths: [T; 4], bodies: [Rod<T>; 4]) -> Result<Self, NumberError> {
+    pub fn new(base: Pose, lengths: [f64; 4], bodies: [Rod; 4]) -> Result<Self, NumberError> {
         check::pose(Subject::Base, &base)?;
         for (link, &length) in lengths.iter().enumerate() {
             not_negative("the length, m,", length)
@@ -105,48 +105,48 @@ impl<T: Real> PlanarFinger<T> {
 
     /// Returns the pose of the finger's base in the frame of the palm.
     #[must_use]
-    pub const fn base(&self) -> &Pose<T> {
+    pub const fn base(&self) -> &Pose {
         &self.base
     }
 
     /// Returns the distances from each joint axis to the next, and from the last axis to the tip,
     /// m.
     #[must_use]
-    pub const fn lengths(&self) -> &[T; 4] {
+    pub const fn lengths(&self) -> &[f64; 4] {
         &self.lengths
     }
 
     /// Returns the bodies of the four links, proximal first.
     #[must_use]
-    pub const fn bodies(&self) -> &[Rod<T>; 4] {
+    pub const fn bodies(&self) -> &[Rod; 4] {
         &self.bodies
     }
 
     /// Returns the same mechanism as a general [`Chain`].
     #[must_use]
-    pub fn chain(&self) -> Chain<T, 4> {
+    pub fn chain(&self) -> Chain<4> {
         let [l0, l1, l2, l3] = self.lengths;
         let joint = |offset, axis| ChainJoint {
-            placement: Pose::at(offset, T::zero(), T::zero()),
+            placement: Pose::at(offset, 0.0, 0.0),
             motion: ChainMotion::Revolute(axis),
         };
         Chain {
             base: self.base,
             joints: [
-                joint(T::zero(), Vector3::z()),
+                joint(0.0, Vector3::z()),
                 joint(l0, Vector3::y()),
                 joint(l1, Vector3::y()),
                 joint(l2, Vector3::y()),
             ],
             bodies: self.bodies.map(|rod| rod.body()),
-            tip: Vector3::new(l3, T::zero(), T::zero()),
+            tip: Vector3::new(l3, 0.0, 0.0),
         }
     }
 
     // Sines and cosines of the sums by addition theorems: for no finite angle does a sum overflow
     // or lose the smaller angle.
     #[inline(always)]
-    fn posture(&self, q: &SVector<T, 4>) -> Posture<T> {
+    fn posture(&self, q: &SVector<f64, 4>) -> Posture {
         let [l0, l1, l2, l3] = self.lengths;
         let (s1, c1) = sin_cos(q.y);
         let (s2, c2) = of_sum((s1, c1), sin_cos(q.z));
@@ -164,7 +164,7 @@ impl<T: Real> PlanarFinger<T> {
     }
 
     #[inline(always)]
-    fn axes(&self, turn: (T, T)) -> Axes<T> {
+    fn axes(&self, turn: (f64, f64)) -> Axes {
         let rotation = &self.base.rotation;
         let (s0, c0) = turn;
         let (x, y, up) = (
@@ -180,7 +180,7 @@ impl<T: Real> PlanarFinger<T> {
     }
 
     #[inline(always)]
-    fn tip_of(&self, posture: &Posture<T>, axes: &Axes<T>) -> Pose<T> {
+    fn tip_of(&self, posture: &Posture, axes: &Axes) -> Pose {
         let (s3, c3) = posture.last;
         let [down, _, _] = posture.down;
         Pose {
@@ -195,23 +195,23 @@ impl<T: Real> PlanarFinger<T> {
 }
 
 /// The closed form: four sines and cosines for the tip and its Jacobian.
-impl<T: Real> Kinematics<T, 4> for PlanarFinger<T> {
+impl Kinematics<4> for PlanarFinger {
     #[inline]
-    fn tip(&self, q: &SVector<T, 4>) -> Pose<T> {
+    fn tip(&self, q: &SVector<f64, 4>) -> Pose {
         let posture = self.posture(q);
         self.tip_of(&posture, &self.axes(posture.turn))
     }
 
     #[inline]
-    fn kinematics(&self, q: &SVector<T, 4>) -> (Pose<T>, Jacobian<T, 4>) {
+    fn kinematics(&self, q: &SVector<f64, 4>) -> (Pose, Jacobian<4>) {
         let posture = self.posture(q);
         let axes = self.axes(posture.turn);
-        let column = |linear: Vector3<T>, angular: Vector3<T>| {
+        let column = |linear: Vector3<f64>, angular: Vector3<f64>| {
             Vector6::new(
                 linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
             )
         };
-        let flexion = |down: T, along: T| {
+        let flexion = |down: f64, along: f64| {
             let linear = -(axes.radial * down + axes.up * along);
             column(linear, axes.flexion)
         };
@@ -229,7 +229,7 @@ impl<T: Real> Kinematics<T, 4> for PlanarFinger<T> {
     /// The cross product of the rows X and Z: `(0, X2 Z3 - X3 Z2, X3 Z1 - X1 Z3, X1 Z2 - X2 Z1)`,
     /// of unit length; joint 1 flexes where joint 3 is flexed. There is none where the finger is
     /// straight, so that the rows are parallel, and another where the tip is on the first axis.
-    fn self_motion(&self, q: &SVector<T, 4>) -> Option<SVector<T, 4>> {
+    fn self_motion(&self, q: &SVector<f64, 4>) -> Option<SVector<f64, 4>> {
         let posture = self.posture(q);
         let along = Vector3::from(posture.along);
         let down = Vector3::from(posture.down);
@@ -237,12 +237,12 @@ impl<T: Real> Kinematics<T, 4> for PlanarFinger<T> {
         let size = along.norm_squared() + down.norm_squared();
         let square = normal.norm_squared();
         // Within √ε of either singularity, in proportion, what remains is rounding.
-        let least = size * T::default_epsilon();
+        let least = size * f64::EPSILON;
         if !(square > least * size && posture.radius * posture.radius > least && is_finite(square))
         {
             return None;
         }
         let unit = normal / sqrt(square);
-        Some(SVector::from([T::zero(), unit.x, unit.y, unit.z]))
+        Some(SVector::from([0.0, unit.x, unit.y, unit.z]))
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::{Chain, Jacobian, JointLimits, Kinematics};
 use crate::control::linear::Ldl;
-use crate::math::{Real, is_finite, max, min, real};
+use crate::math::{is_finite, max, min};
 use crate::number::{NumberError, finite};
 
 /// Steps of one search: within reach a few are enough, at the edge of the reach some dozens.
@@ -15,11 +15,11 @@ const STEP: f64 = 0.2;
 /// The result of [`Chain::nearest`]: the posture that brings the tip as near to a point as the
 /// limits permit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nearest<T: Real, const N: usize> {
+pub struct Nearest<const N: usize> {
     /// The posture, within the limits, rad (m for a prismatic joint).
-    pub posture: SVector<T, N>,
+    pub posture: SVector<f64, N>,
     /// The distance of the tip from the point, m.
-    pub distance: T,
+    pub distance: f64,
     /// The joints that would move the tip nearer if their limits were wider, with the side of the limit.
     pub held: [Option<Side>; N],
 }
@@ -33,7 +33,7 @@ pub enum Side {
     High,
 }
 
-impl<T: Real, const N: usize> Chain<T, N> {
+impl<const N: usize> Chain<N> {
     /// Returns the posture within `limits` that brings the tip as near to `target` (m, in the palm) as a search from
     /// `present` (rad) finds. The joints go no further than they must.
     ///
@@ -50,10 +50,10 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// [`NumberError`] if a coordinate of the target or a position is not finite.
     pub fn nearest(
         &self,
-        target: &Vector3<T>,
-        present: &SVector<T, N>,
-        limits: &JointLimits<T, N>,
-    ) -> Result<Nearest<T, N>, NumberError> {
+        target: &Vector3<f64>,
+        present: &SVector<f64, N>,
+        limits: &JointLimits<N>,
+    ) -> Result<Nearest<N>, NumberError> {
         for &coordinate in target {
             finite("a coordinate of the target", coordinate)?;
         }
@@ -61,13 +61,13 @@ impl<T: Real, const N: usize> Chain<T, N> {
             finite("a position of the present posture", position)?;
         }
         let first = self.descend(target, limits.clamp(present), limits);
-        if first.distance <= reached() {
+        if first.distance <= REACHED {
             return Ok(first);
         }
-        let middle = (limits.lower() + limits.upper()) * real::<T>(0.5);
+        let middle = (limits.lower() + limits.upper()) * 0.5;
         let second = self.descend(target, middle, limits);
         // A slightly nearer posture is not worth a jump.
-        Ok(if second.distance + reached() < first.distance {
+        Ok(if second.distance + REACHED < first.distance {
             second
         } else {
             first
@@ -76,13 +76,13 @@ impl<T: Real, const N: usize> Chain<T, N> {
 
     fn descend(
         &self,
-        target: &Vector3<T>,
-        mut q: SVector<T, N>,
-        limits: &JointLimits<T, N>,
-    ) -> Nearest<T, N> {
-        let size = max(self.size(), T::default_epsilon());
-        let least = size * size * real::<T>(1e-10);
-        let mut damping = size * size * real::<T>(1e-4);
+        target: &Vector3<f64>,
+        mut q: SVector<f64, N>,
+        limits: &JointLimits<N>,
+    ) -> Nearest<N> {
+        let size = max(self.size(), f64::EPSILON);
+        let least = size * size * 1e-10;
+        let mut damping = size * size * 1e-4;
         let (mut error, mut jacobian) = self.error(target, &q);
         for _ in 0..STEPS {
             let held = held(&jacobian, &error, &q, limits);
@@ -93,29 +93,29 @@ impl<T: Real, const N: usize> Chain<T, N> {
                 }
             }
             let way = Ldl::new(&curvature).map(|factors| factors.solve(&slope));
-            let longest = way.map_or(T::zero(), |way| way.amax());
-            if way.is_some() && !(is_finite(longest) && longest > T::default_epsilon()) {
+            let longest = way.map_or(0.0, |way| way.amax());
+            if way.is_some() && !(is_finite(longest) && longest > f64::EPSILON) {
                 break;
             }
             if let Some(way) = way {
-                let next = limits.clamp(&(q + way * min(T::one(), real::<T>(STEP) / longest)));
+                let next = limits.clamp(&(q + way * min(1.0, STEP / longest)));
                 let (nearer, there) = self.error(target, &next);
                 if nearer.norm_squared() < error.norm_squared() {
                     (q, error, jacobian) = (next, nearer, there);
-                    damping = max(damping * real::<T>(0.1), least);
+                    damping = max(damping * 0.1, least);
                     continue;
                 }
             }
-            if damping > real::<T>(1e3) * size * (size + error.norm()) {
+            if damping > 1e3 * size * (size + error.norm()) {
                 // Rounding is all that is left.
                 break;
             }
-            damping *= real::<T>(10.0);
+            damping *= 10.0;
         }
         Nearest {
             posture: q,
             distance: error.norm(),
-            held: if error.norm() <= reached() {
+            held: if error.norm() <= REACHED {
                 [None; N]
             } else {
                 held(&jacobian, &error, &q, limits)
@@ -124,13 +124,13 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 
     /// From the tip to the target, and how the joints move the tip.
-    fn error(&self, target: &Vector3<T>, q: &SVector<T, N>) -> (Vector3<T>, Jacobian<T, N>) {
+    fn error(&self, target: &Vector3<f64>, q: &SVector<f64, N>) -> (Vector3<f64>, Jacobian<N>) {
         let (tip, jacobian) = self.kinematics(q);
         (target - tip.position, jacobian)
     }
 
     /// The length of all links, m.
-    fn size(&self) -> T {
+    fn size(&self) -> f64 {
         let joints = self.joints.iter();
         let links = joints.map(|joint| joint.placement.position.norm());
         links.fold(self.tip.norm(), |sum, length| sum + length)
@@ -138,16 +138,14 @@ impl<T: Real, const N: usize> Chain<T, N> {
 }
 
 /// The distance within which a tip is at its target, m.
-fn reached<T: Real>() -> T {
-    max(real::<T>(1e-9), real::<T>(64.0) * T::default_epsilon())
-}
+const REACHED: f64 = 1e-9;
 
 /// The joints at limits beyond which they would move the tip nearer.
-fn held<T: Real, const N: usize>(
-    jacobian: &Jacobian<T, N>,
-    error: &Vector3<T>,
-    q: &SVector<T, N>,
-    limits: &JointLimits<T, N>,
+fn held<const N: usize>(
+    jacobian: &Jacobian<N>,
+    error: &Vector3<f64>,
+    q: &SVector<f64, N>,
+    limits: &JointLimits<N>,
 ) -> [Option<Side>; N] {
     let nearer = jacobian.fixed_rows::<3>(0).tr_mul(error);
     let mut held = [None; N];
@@ -155,9 +153,9 @@ fn held<T: Real, const N: usize>(
     for ((place, (&q, &nearer)), (&lower, &upper)) in
         held.iter_mut().zip(q.iter().zip(nearer.iter())).zip(ranges)
     {
-        *place = if q <= lower && nearer < T::zero() {
+        *place = if q <= lower && nearer < 0.0 {
             Some(Side::Low)
-        } else if q >= upper && nearer > T::zero() {
+        } else if q >= upper && nearer > 0.0 {
             Some(Side::High)
         } else {
             None
@@ -168,19 +166,19 @@ fn held<T: Real, const N: usize>(
 
 /// The derivative of half the square of the distance, downhill, and its second derivative, by the joints that
 /// are free.
-fn downhill<T: Real, const N: usize>(
-    jacobian: &Jacobian<T, N>,
-    error: &Vector3<T>,
+fn downhill<const N: usize>(
+    jacobian: &Jacobian<N>,
+    error: &Vector3<f64>,
     held: &[Option<Side>; N],
-) -> (SVector<T, N>, SMatrix<T, N, N>) {
+) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
     let mut columns = [(Vector3::zeros(), Vector3::zeros()); N];
     for ((place, held), &[x, y, z, a, b, c]) in columns.iter_mut().zip(held).zip(&jacobian.data.0) {
         if held.is_none() {
             *place = (Vector3::new(x, y, z), Vector3::new(a, b, c));
         }
     }
-    let mut slope = SVector::<T, N>::zeros();
-    let mut curvature = SMatrix::<T, N, N>::zeros();
+    let mut slope = SVector::<f64, N>::zeros();
+    let mut curvature = SMatrix::<f64, N, N>::zeros();
     for ((j, (linear, _)), slope) in columns.iter().enumerate().zip(slope.iter_mut()) {
         *slope = linear.dot(error);
         for (i, (before, angular)) in columns.iter().enumerate().take(j + 1) {

@@ -2,13 +2,13 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use crate::math::{Real, is_finite, sqrt};
+use crate::math::{is_finite, sqrt};
 
 /// A combination of joint rates, and how it moves the tip.
 #[derive(Clone, Copy)]
-struct Combination<T: Real, const N: usize> {
-    rates: SVector<T, N>,
-    tip: Vector3<T>,
+struct Combination<const N: usize> {
+    rates: SVector<f64, N>,
+    tip: Vector3<f64>,
     /// Still to be combined with others.
     open: bool,
 }
@@ -21,12 +21,12 @@ struct Combination<T: Real, const N: usize> {
 /// the null vectors. A pivot below √ε of the first counts as zero. With four joints the sign is
 /// opposite to that of the 3 x 3 minors with alternating signs, and so does not jump; a planar finger
 /// in front of its first axis has the same.
-pub(super) fn null_direction<T: Real, const N: usize>(
-    jacobian: &SMatrix<T, 3, N>,
+pub(super) fn null_direction<const N: usize>(
+    jacobian: &SMatrix<f64, 3, N>,
     moving: &[bool; N],
-) -> Option<SVector<T, N>> {
+) -> Option<SVector<f64, N>> {
     let mut columns = [Combination {
-        rates: SVector::<T, N>::zeros(),
+        rates: SVector::<f64, N>::zeros(),
         tip: Vector3::zeros(),
         open: false,
     }; N];
@@ -35,18 +35,18 @@ pub(super) fn null_direction<T: Real, const N: usize>(
         column.tip = tip;
         column.open = open;
         if let Some(rate) = column.rates.get_mut(joint) {
-            *rate = T::one();
+            *rate = 1.0;
         }
     }
 
-    let mut least = T::zero();
+    let mut least = 0.0;
     for _ in 0..3 {
         let Some(pivot) = take_largest(&mut columns, least) else {
             break;
         };
         let square = pivot.tip.norm_squared();
-        if least == T::zero() {
-            least = square * T::default_epsilon();
+        if least == 0.0 {
+            least = square * f64::EPSILON;
         }
         for column in columns.iter_mut().filter(|column| column.open) {
             let share = column.tip.dot(&pivot.tip) / square;
@@ -66,19 +66,17 @@ pub(super) fn null_direction<T: Real, const N: usize>(
 }
 
 /// The motion of the tip with each joint.
-fn tips<T: Real, const N: usize>(
-    jacobian: &SMatrix<T, 3, N>,
-) -> impl Iterator<Item = Vector3<T>> + '_ {
+fn tips<const N: usize>(jacobian: &SMatrix<f64, 3, N>) -> impl Iterator<Item = Vector3<f64>> + '_ {
     let (columns, _) = jacobian.as_slice().as_chunks::<3>();
     columns.iter().map(|&[x, y, z]| Vector3::new(x, y, z))
 }
 
 /// Closes the column that moves the tip most, if that is more than `least` (m², squared).
-fn take_largest<T: Real, const N: usize>(
-    columns: &mut [Combination<T, N>; N],
-    least: T,
-) -> Option<Combination<T, N>> {
-    let mut largest: Option<&mut Combination<T, N>> = None;
+fn take_largest<const N: usize>(
+    columns: &mut [Combination<N>; N],
+    least: f64,
+) -> Option<Combination<N>> {
+    let mut largest: Option<&mut Combination<N>> = None;
     for column in columns.iter_mut().filter(|column| column.open) {
         let square = column.tip.norm_squared();
         let most = largest
@@ -94,12 +92,12 @@ fn take_largest<T: Real, const N: usize>(
 }
 
 /// `length` with the sign of the minor of the three columns that were taken, of four.
-fn oriented<T: Real, const N: usize>(
-    length: T,
-    jacobian: &SMatrix<T, 3, N>,
+fn oriented<const N: usize>(
+    length: f64,
+    jacobian: &SMatrix<f64, 3, N>,
     moving: &[bool; N],
-    columns: &[Combination<T, N>; N],
-) -> T {
+    columns: &[Combination<N>; N],
+) -> f64 {
     let mut taken = [Vector3::zeros(); 3];
     let mut places = taken.iter_mut();
     let mut after = false;
@@ -115,9 +113,5 @@ fn oriented<T: Real, const N: usize>(
     }
     let [a, b, c] = taken;
     let minor = a.dot(&b.cross(&c));
-    if (minor > T::zero()) ^ odd {
-        -length
-    } else {
-        length
-    }
+    if (minor > 0.0) ^ odd { -length } else { length }
 }

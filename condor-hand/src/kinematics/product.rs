@@ -4,18 +4,17 @@ use nalgebra::{SVector, Vector3, Vector6};
 
 use super::null::null_direction;
 use super::{Chain, ChainMotion, Jacobian, Kinematics};
-use crate::Real;
 use crate::pose::{Pose, rotation_about};
 
 /// The motion of the links beyond a joint with that joint, in the palm.
 #[derive(Clone, Copy)]
-enum Screw<T: Real> {
+enum Screw {
     Turn {
-        axis: Vector3<T>,
-        through: Vector3<T>,
+        axis: Vector3<f64>,
+        through: Vector3<f64>,
     },
     Slide {
-        axis: Vector3<T>,
+        axis: Vector3<f64>,
     },
     Still,
 }
@@ -25,12 +24,12 @@ enum Screw<T: Real> {
 /// Joint i turns the tip p about the axis a through the point o: the column of the Jacobian is
 /// `[a x (p - o); a]`, and `[a; 0]` where it slides (Siciliano et al., *Robotics: Modelling,
 /// Planning and Control*, 2009, section 3.1).
-impl<T: Real, const N: usize> Kinematics<T, N> for Chain<T, N> {
-    fn tip(&self, q: &SVector<T, N>) -> Pose<T> {
+impl<const N: usize> Kinematics<N> for Chain<N> {
+    fn tip(&self, q: &SVector<f64, N>) -> Pose {
         self.walk(q, |_, _| {})
     }
 
-    fn kinematics(&self, q: &SVector<T, N>) -> (Pose<T>, Jacobian<T, N>) {
+    fn kinematics(&self, q: &SVector<f64, N>) -> (Pose, Jacobian<N>) {
         let mut screws = [Screw::Still; N];
         let mut places = screws.iter_mut();
         let tip = self.walk(q, |motion, frame| {
@@ -46,7 +45,7 @@ impl<T: Real, const N: usize> Kinematics<T, N> for Chain<T, N> {
                 ChainMotion::Fixed => Screw::Still,
             };
         });
-        let mut jacobian = Jacobian::<T, N>::zeros();
+        let mut jacobian = Jacobian::<N>::zeros();
         for (mut column, screw) in jacobian.column_iter_mut().zip(screws) {
             let (linear, angular) = match screw {
                 Screw::Turn { axis, through } => (axis.cross(&(tip.position - through)), axis),
@@ -62,17 +61,17 @@ impl<T: Real, const N: usize> Kinematics<T, N> for Chain<T, N> {
 
     /// There is one if the joints that move, four or fewer, are one more than the directions in
     /// which they move the tip: with more than four joints there are always several.
-    fn self_motion(&self, q: &SVector<T, N>) -> Option<SVector<T, N>> {
+    fn self_motion(&self, q: &SVector<f64, N>) -> Option<SVector<f64, N>> {
         let moving = self.joints.map(|joint| joint.motion != ChainMotion::Fixed);
         let (_, jacobian) = self.kinematics(q);
         null_direction(&jacobian.fixed_rows::<3>(0).into_owned(), &moving)
     }
 }
 
-impl<T: Real, const N: usize> Chain<T, N> {
+impl<const N: usize> Chain<N> {
     /// The frame at the tip; `joint` gets the frame of each joint before its motion.
     #[inline(always)]
-    fn walk(&self, q: &SVector<T, N>, mut joint: impl FnMut(&ChainMotion<T>, &Pose<T>)) -> Pose<T> {
+    fn walk(&self, q: &SVector<f64, N>, mut joint: impl FnMut(&ChainMotion, &Pose)) -> Pose {
         let mut frame = self.base;
         for (link, &q) in self.joints.iter().zip(q.iter()) {
             frame = frame.then(&link.placement);

@@ -132,7 +132,7 @@ impl PlantModel {
     ///
     /// # Errors
     /// [`NumberError`] for a number that no plant can have.
-    pub fn finger<M: Dynamics<f64, N>, const N: usize>(
+    pub fn finger<M: Dynamics<N>, const N: usize>(
         &self,
         finger: &config::Finger<N>,
         mechanism: M,

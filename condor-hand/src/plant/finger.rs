@@ -13,7 +13,7 @@ use crate::tendon::{MomentArms, Pair, TendonPairs};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerParameters<const N: usize> {
     /// The moment arms of the tendons.
-    pub arms: MomentArms<f64, N>,
+    pub arms: MomentArms<N>,
     /// The parameters of the joints, proximal first.
     pub joints: [JointParameters; N],
     /// The actuators of the tendons.
@@ -46,7 +46,7 @@ pub struct SimFinger<M, const N: usize> {
     tensions: TendonPairs<f64, N>,
 }
 
-impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
+impl<M: Dynamics<N>, const N: usize> SimFinger<M, N> {
     /// Makes a finger that is at rest at the joint positions `q` (rad), with zero tension in all
     /// tendons. `mechanism` is the model of its links.
     ///
@@ -247,7 +247,7 @@ impl<M, const N: usize> SimFinger<M, N> {
     /// Returns the readings of exact sensors of the finger. The reading of the tactile sensor is
     /// zero.
     #[must_use]
-    pub fn readings(&self) -> FingerReadings<f64, N> {
+    pub fn readings(&self) -> FingerReadings<N> {
         FingerReadings {
             position: self.q,
             tension: self.tensions,

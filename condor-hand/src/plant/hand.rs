@@ -49,7 +49,7 @@ struct Tip {
 
 impl<M, const F: usize, const N: usize> SimHand<M, F, N>
 where
-    M: Kinematics<f64, N> + Dynamics<f64, N>,
+    M: Kinematics<N> + Dynamics<N>,
 {
     /// Makes a hand without an object, on a palm that does not move.
     ///

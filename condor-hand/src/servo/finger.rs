@@ -12,36 +12,36 @@ use crate::Subject;
 use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, LowPass};
 use crate::dynamics::{DriveDynamics, Dynamics};
-use crate::math::{Real, is_finite};
+use crate::math::is_finite;
 use crate::number::{NumberError, Requirement, count, positive};
 use crate::tendon::{MomentArms, Pair, TendonPairs, TensionAllocation};
 use crate::trajectory::SetPoint;
 
 /// The readings of all sensors of a finger in one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerReadings<T: Real, const N: usize> {
+pub struct FingerReadings<const N: usize> {
     /// Positions of the joints, rad.
-    pub position: SVector<T, N>,
+    pub position: SVector<f64, N>,
     /// Tensions of the tendons, N.
-    pub tension: TendonPairs<T, N>,
+    pub tension: TendonPairs<f64, N>,
     /// The force along the normal at the fingertip, N; zero without a tactile sensor.
-    pub touch: T,
+    pub touch: f64,
 }
 
 /// The result of one tick of a [`FingerServo`]: the commands for the actuators, and the values from
 /// which they were computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ServoOutput<T: Real, const N: usize> {
+pub struct ServoOutput<const N: usize> {
     /// The commands of the actuators, N, from 0 to the greatest tension of each tendon.
-    pub command: TendonPairs<T, N>,
+    pub command: TendonPairs<f64, N>,
     /// The desired tensions, N.
-    pub tension: TendonPairs<T, N>,
+    pub tension: TendonPairs<f64, N>,
     /// The torques of those tensions, N m.
-    pub torque: SVector<T, N>,
+    pub torque: SVector<f64, N>,
     /// The positions that the laws have used, rad.
-    pub position: SVector<T, N>,
+    pub position: SVector<f64, N>,
     /// The rates of the joints that the laws have used, rad/s.
-    pub velocity: SVector<T, N>,
+    pub velocity: SVector<f64, N>,
     /// A bit for each joint whose tendons cannot give the torque that it needs.
     pub saturated: u32,
     /// A bit for each joint whose reading was invalid or implausible. The laws have used the
@@ -58,28 +58,28 @@ pub struct ServoOutput<T: Real, const N: usize> {
 /// after which the caller must give up. A joint whose position was never read does not hold or
 /// follow positions.
 #[derive(Clone, Debug)]
-pub struct FingerServo<M, T: Real, const N: usize> {
+pub struct FingerServo<M, const N: usize> {
     mechanism: M,
-    arms: MomentArms<T, N>,
-    drive: DriveDynamics<T, N>,
-    allocation: [TensionAllocation<T>; N],
-    joints: [JointServo<T>; N],
-    position_filters: LowPass<T, N>,
-    velocities: Derivative<T, N>,
-    sample_hz: T,
-    readings: Readings<T, N>,
+    arms: MomentArms<N>,
+    drive: DriveDynamics<N>,
+    allocation: [TensionAllocation; N],
+    joints: [JointServo; N],
+    position_filters: LowPass<N>,
+    velocities: Derivative<N>,
+    sample_hz: f64,
+    readings: Readings<N>,
     /// A change of modes or gains that the next tick smooths.
     changed: bool,
     /// Joints that hold what they have in another mode from the next tick on.
     holds: [Option<ServoMode>; N],
     /// The tensions of the last tick, N.
-    desired: TendonPairs<T, N>,
-    transition: Transition<T, N>,
+    desired: TendonPairs<f64, N>,
+    transition: Transition<N>,
     /// The last tensions that were finite, N.
-    last: TendonPairs<T, N>,
+    last: TendonPairs<f64, N>,
 }
 
-impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
+impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
     /// Makes the servos of a finger whose joints are all off. `mechanism` is the model of the
     /// finger's links, and `arms` are the moment arms of its tendons.
     ///
@@ -87,8 +87,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// [`NumberError`] for the first setting that no finger can have.
     pub fn new(
         mechanism: M,
-        arms: MomentArms<T, N>,
-        settings: &FingerSettings<T, N>,
+        arms: MomentArms<N>,
+        settings: &FingerSettings<N>,
     ) -> Result<Self, NumberError> {
         const { assert!(N > 0 && N <= 32, "a finger has 1 to 32 joints") };
         positive("the number of ticks in a second", settings.sample_hz)?;
@@ -98,7 +98,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let inertias = least_inertias(&mechanism, settings);
         let all = settings.joints.iter().zip(arms.rows()).zip(inertias);
         for (joint, ((of_joint, row), inertia)) in all.enumerate() {
-            let own = row.get(joint).copied().unwrap_or(Pair::both(T::zero()));
+            let own = row.get(joint).copied().unwrap_or(Pair::both(0.0));
             let wrong = |error: NumberError| error.at(Subject::Joint(joint as u16));
             let servo = JointServo::new(of_joint, own, inertia, sample_hz).map_err(wrong)?;
             LowPass::new([of_joint.position_cutoff_hz], sample_hz).map_err(wrong)?;
@@ -145,13 +145,13 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// Returns the moment arms of the finger's tendons.
     #[must_use]
-    pub fn arms(&self) -> &MomentArms<T, N> {
+    pub fn arms(&self) -> &MomentArms<N> {
         &self.arms
     }
 
     /// Returns the present target of a joint; `None` for a joint that the finger does not have.
     #[must_use]
-    pub fn target(&self, joint: usize) -> Option<JointTarget<T>> {
+    pub fn target(&self, joint: usize) -> Option<JointTarget> {
         self.joints.get(joint).map(|servo| servo.target)
     }
 
@@ -169,7 +169,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// After an error the joint keeps its target. Returns [`ServoRefusal::NoJoint`] if the finger does not have
     /// the joint; [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its tendons;
     /// [`ServoRefusal::Rate`] if its velocity or acceleration is not finite.
-    pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), ServoRefusal> {
+    pub fn set_target(&mut self, joint: usize, target: JointTarget) -> Result<(), ServoRefusal> {
         let servo = self
             .joints
             .get_mut(joint)
@@ -185,9 +185,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// The next set-point of a joint that follows positions; one that it cannot have is refused.
     #[inline]
-    pub(crate) fn follow(&mut self, joint: usize, point: &SetPoint<T>) {
+    pub(crate) fn follow(&mut self, joint: usize, point: &SetPoint) {
         let held = self.holds.get(joint).copied().flatten();
-        let follows = |servo: &&mut JointServo<T>| held.is_none() && servo.may_go_on(point);
+        let follows = |servo: &&mut JointServo| held.is_none() && servo.may_go_on(point);
         if let Some(servo) = self.joints.get_mut(joint).filter(follows) {
             servo.target = JointTarget::Position(*point);
         } else {
@@ -227,9 +227,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// they have.
     pub(crate) fn still(
         &self,
-        has: &TendonPairs<T, N>,
-        torque: &SVector<T, N>,
-    ) -> TendonPairs<T, N> {
+        has: &TendonPairs<f64, N>,
+        torque: &SVector<f64, N>,
+    ) -> TendonPairs<f64, N> {
         let given = core::array::from_fn(|joint| match self.target(joint)? {
             JointTarget::Position(_) | JointTarget::Impedance { .. } => None,
             _ => has.get(joint).copied(),
@@ -241,7 +241,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// The positions, rad, that the next tick would go by, so many seconds after the last one, if no sensor
     /// stands and none is filtered.
-    pub(crate) fn plausible(&self, sensed: &SVector<T, N>, period_s: T) -> SVector<T, N> {
+    pub(crate) fn plausible(&self, sensed: &SVector<f64, N>, period_s: f64) -> SVector<f64, N> {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
         let mut positions = *sensed;
         let lanes = positions
@@ -271,7 +271,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// Returns the present gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
-    pub fn gains(&self, joint: usize) -> Option<&JointGains<T>> {
+    pub fn gains(&self, joint: usize) -> Option<&JointGains> {
         self.joints.get(joint).map(|servo| &servo.gains)
     }
 
@@ -280,7 +280,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// # Errors
     /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Gain`] if no joint can
     /// have these gains. The joint keeps its gains then.
-    pub fn set_gains(&mut self, joint: usize, gains: &JointGains<T>) -> Result<(), ServoRefusal> {
+    pub fn set_gains(&mut self, joint: usize, gains: &JointGains) -> Result<(), ServoRefusal> {
         let servo = self
             .joints
             .get_mut(joint)
@@ -297,8 +297,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     pub(crate) fn set_stop_and_filters(
         &mut self,
         joint: usize,
-        stop: &SoftStop<T>,
-        cutoffs_hz: &JointCutoffs<T>,
+        stop: &SoftStop,
+        cutoffs_hz: &JointCutoffs,
     ) -> Result<(), NumberError> {
         let Some(servo) = self.joints.get_mut(joint) else {
             return Ok(());
@@ -326,10 +326,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     #[inline]
     pub fn tick(
         &mut self,
-        sensed: &FingerReadings<T, N>,
-        gravity: &Vector3<T>,
-        period_s: T,
-    ) -> ServoOutput<T, N> {
+        sensed: &FingerReadings<N>,
+        gravity: &Vector3<f64>,
+        period_s: f64,
+    ) -> ServoOutput<N> {
         self.tick_after(sensed, gravity, Elapsed::new(period_s, self.sample_hz))
     }
 
@@ -337,10 +337,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     #[inline(always)]
     pub(crate) fn tick_after(
         &mut self,
-        sensed: &FingerReadings<T, N>,
-        gravity: &Vector3<T>,
-        elapsed: Elapsed<T>,
-    ) -> ServoOutput<T, N> {
+        sensed: &FingerReadings<N>,
+        gravity: &Vector3<f64>,
+        elapsed: Elapsed,
+    ) -> ServoOutput<N> {
         let (position, velocity) = self.sense_positions(&sensed.position, elapsed);
         let tension = self.sense_tensions(&sensed.tension);
         let kept = self.take_holds(&position, &velocity, gravity);
@@ -388,9 +388,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// Returns the filtered positions that the sensors measure, and their rates.
     fn sense_positions(
         &mut self,
-        sensed: &SVector<T, N>,
-        elapsed: Elapsed<T>,
-    ) -> (SVector<T, N>, SVector<T, N>) {
+        sensed: &SVector<f64, N>,
+        elapsed: Elapsed,
+    ) -> (SVector<f64, N>, SVector<f64, N>) {
         let [mut positions] = sensed.data.0;
         let (mut targets, mut seen) = (positions, [false; N]);
         for ((target, seen), servo) in targets.iter_mut().zip(&mut seen).zip(&self.joints) {
@@ -409,7 +409,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let mut rated = positions;
         for (lane, position) in rated.iter_mut().enumerate() {
             if lost & 1 << lane != 0 {
-                *position = T::zero() / T::zero();
+                *position = f64::NAN;
             }
         }
         let velocities = self.velocities.update_after(&rated, &seen, elapsed);
@@ -417,7 +417,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     }
 
     /// The tensions that the sensors say, filtered.
-    fn sense_tensions(&mut self, sensed: &TendonPairs<T, N>) -> TendonPairs<T, N> {
+    fn sense_tensions(&mut self, sensed: &TendonPairs<f64, N>) -> TendonPairs<f64, N> {
         let mut tensions = *sensed;
         for ((servo, tension), last) in self
             .joints
@@ -437,10 +437,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// on then: the last ones, or the means where a joint keeps its tensions or torque; `None` if no joint does.
     fn take_holds(
         &mut self,
-        position: &SVector<T, N>,
-        velocity: &SVector<T, N>,
-        gravity: &Vector3<T>,
-    ) -> Option<TendonPairs<T, N>> {
+        position: &SVector<f64, N>,
+        velocity: &SVector<f64, N>,
+        gravity: &Vector3<f64>,
+    ) -> Option<TendonPairs<f64, N>> {
         if self.holds.iter().all(Option::is_none) {
             return None;
         }
@@ -483,15 +483,15 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     #[inline(always)]
     fn torques(
         &mut self,
-        position: &SVector<T, N>,
-        velocity: &SVector<T, N>,
-        tension: &TendonPairs<T, N>,
-        gravity: &Vector3<T>,
-        period: T,
-    ) -> SVector<T, N> {
+        position: &SVector<f64, N>,
+        velocity: &SVector<f64, N>,
+        tension: &TendonPairs<f64, N>,
+        gravity: &Vector3<f64>,
+        period: f64,
+    ) -> SVector<f64, N> {
         // Terms that no law asks for are not computed.
         let (mut computed, mut falls, mut moves, mut turns) = (false, false, false, false);
-        let (mut acceleration, mut asked) = ([T::zero(); N], [T::zero(); N]);
+        let (mut acceleration, mut asked) = ([0.0; N], [0.0; N]);
         for (joint, servo) in self.joints.iter().enumerate() {
             match (servo.target, servo.gains.law) {
                 (JointTarget::Position(point), law) => {
@@ -553,8 +553,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// The torques that keep joints from their limits and accelerate no others, N m.
     #[inline(always)]
-    fn stops(&self, position: &SVector<T, N>, velocity: &SVector<T, N>) -> SVector<T, N> {
-        let mut inwards = SVector::<T, N>::zeros();
+    fn stops(&self, position: &SVector<f64, N>, velocity: &SVector<f64, N>) -> SVector<f64, N> {
+        let mut inwards = SVector::<f64, N>::zeros();
         for (joint, servo) in self.joints.iter().enumerate() {
             inwards[joint] = servo.stop(position[joint], velocity[joint]);
         }
@@ -570,7 +570,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 }
 
 /// Takes a value that is finite in place of the last one.
-fn keep<T: Real>(value: T, last: &mut T) {
+fn keep(value: f64, last: &mut f64) {
     if is_finite(value) {
         *last = value;
     }

@@ -5,60 +5,60 @@ use super::{
     TargetQuantity,
 };
 use crate::control::{Integrator, LowPass};
-use crate::math::{Real, clamp, is_finite, min, real};
+use crate::math::{clamp, is_finite, min};
 use crate::number::{NumberError, not_negative};
 use crate::tendon::{Pair, TensionAllocation, TensionServos};
 use crate::trajectory::SetPoint;
 
 /// The servo of one joint, but what couples it to the others.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct JointServo<T: Real> {
-    pub(super) gains: JointGains<T>,
-    pub(super) target: JointTarget<T>,
-    pub(super) tendons: TensionServos<T, 2>,
-    pub(super) tension_filter: LowPass<T, 2>,
+pub(super) struct JointServo {
+    pub(super) gains: JointGains,
+    pub(super) target: JointTarget,
+    pub(super) tendons: TensionServos<2>,
+    pub(super) tension_filter: LowPass<2>,
     /// The mean of its desired tensions in this mode.
-    pub(super) mean: Mean<T>,
+    pub(super) mean: Mean,
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
-    stop: SoftStop<T>,
+    stop: SoftStop,
     /// The torques that its own tendons can produce, N m.
-    torque: (T, T),
-    tension: (T, T),
-    integrator: Integrator<T>,
+    torque: (f64, f64),
+    tension: (f64, f64),
+    integrator: Integrator,
     /// The spring and damper that act; the target's, but for a change that is under way.
-    impedance: Impedance<T>,
+    impedance: Impedance,
     /// The part of that change that is left, from 1.
-    left: T,
+    left: f64,
     /// The least inertia of the joint, kg m².
-    inertia: T,
+    inertia: f64,
 }
 
 /// The state of the finger that a joint's law uses.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Felt<T> {
-    pub(super) position: T,
-    pub(super) rate: T,
+pub(super) struct Felt {
+    pub(super) position: f64,
+    pub(super) rate: f64,
     /// The torque of the measured tensions, N m.
-    pub(super) torque: T,
+    pub(super) torque: f64,
     /// The torque of the inverse dynamics, for the accelerations that the laws ask for, N m.
-    pub(super) inverse: T,
+    pub(super) inverse: f64,
     /// The torque of gravity, N m.
-    pub(super) gravity: T,
+    pub(super) gravity: f64,
     /// The friction of the drive at the asked-for rate, N m.
-    pub(super) friction: T,
+    pub(super) friction: f64,
     /// The torques that keep joints from their limits, N m.
-    pub(super) stop: T,
+    pub(super) stop: f64,
     /// Since the last tick, s.
-    pub(super) period: T,
+    pub(super) period: f64,
 }
 
-impl<T: Real> JointServo<T> {
+impl JointServo {
     pub(super) fn new(
-        settings: &JointSettings<T>,
-        own: Pair<T>,
-        inertia: T,
-        sample_hz: T,
+        settings: &JointSettings,
+        own: Pair<f64>,
+        inertia: f64,
+        sample_hz: f64,
     ) -> Result<Self, NumberError> {
         settings.gains.check()?;
         settings.stop.check()?;
@@ -80,23 +80,23 @@ impl<T: Real> JointServo<T> {
             tension: (min_n, max_n),
             integrator: settings.gains.integrator()?,
             impedance: Impedance::none(),
-            left: T::zero(),
+            left: 0.0,
             inertia,
         })
     }
 
     /// Checks that the joint can have this target.
-    pub(super) fn check(&self, joint: usize, target: &JointTarget<T>) -> Result<(), ServoRefusal> {
-        let within = |quantity: TargetQuantity, value: T, (low, high): (T, T)| {
+    pub(super) fn check(&self, joint: usize, target: &JointTarget) -> Result<(), ServoRefusal> {
+        let within = |quantity: TargetQuantity, value: f64, (low, high): (f64, f64)| {
             if low <= value && value <= high {
                 return Ok(());
             }
             Err(ServoRefusal::Target {
                 joint: joint as u32,
                 quantity,
-                value: value.to_f64(),
-                low: low.to_f64(),
-                high: high.to_f64(),
+                value,
+                low,
+                high,
             })
         };
         let limits = (self.stop.low, self.stop.high);
@@ -119,7 +119,7 @@ impl<T: Real> JointServo<T> {
                         return Err(ServoRefusal::Rate {
                             joint: joint as u32,
                             quantity,
-                            value: value.to_f64(),
+                            value,
                         });
                     }
                 }
@@ -130,8 +130,8 @@ impl<T: Real> JointServo<T> {
                 damping,
             } => {
                 let (stiffest, most) = greatest(&self.gains.law, self.inertia);
-                within(TargetQuantity::Stiffness, stiffness, (T::zero(), stiffest))?;
-                within(TargetQuantity::Damping, damping, (T::zero(), most))?;
+                within(TargetQuantity::Stiffness, stiffness, (0.0, stiffest))?;
+                within(TargetQuantity::Damping, damping, (0.0, most))?;
                 within(TargetQuantity::Position, position, limits)?;
             }
         }
@@ -140,22 +140,22 @@ impl<T: Real> JointServo<T> {
 
     /// The desired position, rad; NaN if the joint follows nothing.
     #[inline(always)]
-    pub(super) fn target_position(&self) -> T {
+    pub(super) fn target_position(&self) -> f64 {
         match self.target {
             JointTarget::Position(point) => point.position,
-            _ => T::zero() / T::zero(),
+            _ => f64::NAN,
         }
     }
 
     /// Returns true if only the set-point changes, and to one that the joint can have.
     #[inline(always)]
-    pub(super) fn may_go_on(&self, point: &SetPoint<T>) -> bool {
+    pub(super) fn may_go_on(&self, point: &SetPoint) -> bool {
         // Zero times each: the sum is NaN if one of them is not finite.
-        let nothing = (point.velocity + point.acceleration) * T::zero();
+        let nothing = (point.velocity + point.acceleration) * 0.0;
         matches!(self.target, JointTarget::Position(_))
             && point.position >= self.stop.low
             && point.position <= self.stop.high
-            && nothing == T::zero()
+            && nothing == 0.0
     }
 
     /// The target that keeps a joint where it is, in another mode: at the position, with the tensions and
@@ -164,11 +164,11 @@ impl<T: Real> JointServo<T> {
     pub(super) fn hold(
         &self,
         mode: ServoMode,
-        position: T,
-        tension: Pair<T>,
-        torque: T,
-        loads: T,
-    ) -> JointTarget<T> {
+        position: f64,
+        tension: Pair<f64>,
+        torque: f64,
+        loads: f64,
+    ) -> JointTarget {
         let torque = clamp(torque, self.torque.0, self.torque.1);
         match mode {
             ServoMode::Off => JointTarget::Off,
@@ -199,7 +199,7 @@ impl<T: Real> JointServo<T> {
     }
 
     /// A target that was checked, out of the zones of the stops.
-    pub(super) fn between_stops(&self, target: JointTarget<T>) -> JointTarget<T> {
+    pub(super) fn between_stops(&self, target: JointTarget) -> JointTarget {
         let (low, high) = self.stop.between();
         match target {
             JointTarget::Position(point) if point.position < low => {
@@ -213,14 +213,14 @@ impl<T: Real> JointServo<T> {
     }
 
     /// Takes a target that was checked.
-    pub(super) fn take(&mut self, target: JointTarget<T>) {
+    pub(super) fn take(&mut self, target: JointTarget) {
         if target.mode() != self.target.mode() {
             self.mean = Mean::new();
-            self.integrator.set(T::zero());
-            self.left = T::zero();
+            self.integrator.set(0.0);
+            self.left = 0.0;
             self.impedance = Impedance::of(&target).unwrap_or(self.impedance);
         } else if target.mode() == ServoMode::Impedance {
-            self.left = T::one();
+            self.left = 1.0;
         } else if target.mode() == ServoMode::Torque {
             self.mean = Mean::new();
         }
@@ -229,21 +229,20 @@ impl<T: Real> JointServo<T> {
 
     /// Goes on from one impedance to the next, by such a part of the way.
     #[inline(always)]
-    pub(super) fn go_on(&mut self, part: T) {
-        if self.left > T::zero()
+    pub(super) fn go_on(&mut self, part: f64) {
+        if self.left > 0.0
             && let Some(target) = Impedance::of(&self.target)
         {
-            self.impedance
-                .approach(&target, min(part / self.left, T::one()));
+            self.impedance.approach(&target, min(part / self.left, 1.0));
             self.left -= min(part, self.left);
         }
     }
 
     /// The acceleration that its law asks of the inverse dynamics, rad/s²; zero if it does not.
     #[inline(always)]
-    pub(super) fn acceleration(&self, position: T, rate: T) -> T {
+    pub(super) fn acceleration(&self, position: f64, rate: f64) -> f64 {
         match (self.target, self.gains.law) {
-            _ if !self.seen => T::zero(),
+            _ if !self.seen => 0.0,
             (
                 JointTarget::Position(set_point),
                 PositionLaw::ComputedTorque {
@@ -251,19 +250,18 @@ impl<T: Real> JointServo<T> {
                     damping_ratio,
                 },
             ) => {
-                let w = T::two_pi() * bandwidth_hz;
+                let w = core::f64::consts::TAU * bandwidth_hz;
                 let error = set_point.position - position;
                 let error_rate = set_point.velocity - rate;
-                set_point.acceleration
-                    + w * (real::<T>(2.0) * damping_ratio * error_rate + w * error)
+                set_point.acceleration + w * (2.0 * damping_ratio * error_rate + w * error)
             }
-            _ => T::zero(),
+            _ => 0.0,
         }
     }
 
     /// The acceleration that keeps it from its limits, rad/s²; zero where its tensions are given.
     #[inline(always)]
-    pub(super) fn stop(&self, position: T, rate: T) -> T {
+    pub(super) fn stop(&self, position: f64, rate: f64) -> f64 {
         match self.target {
             JointTarget::Torque(_)
             | JointTarget::Position(_)
@@ -273,20 +271,20 @@ impl<T: Real> JointServo<T> {
             {
                 self.stop.acceleration(position, rate)
             }
-            _ => T::zero(),
+            _ => 0.0,
         }
     }
 
     /// The torque of its law, N m; zero where its tensions are given.
     #[inline(always)]
-    pub(super) fn torque(&mut self, felt: &Felt<T>) -> T {
+    pub(super) fn torque(&mut self, felt: &Felt) -> f64 {
         let law = match self.target {
-            JointTarget::Off | JointTarget::Tension(_) => return T::zero(),
+            JointTarget::Off | JointTarget::Tension(_) => return 0.0,
             JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
                 torque + self.gains.k_torque * (torque - felt.torque)
             }
             JointTarget::Position(_) | JointTarget::Impedance { .. } if !self.seen => {
-                return T::zero();
+                return 0.0;
             }
             JointTarget::Impedance { .. } => {
                 self.impedance.torque(felt.position, felt.rate) + felt.gravity
@@ -311,7 +309,7 @@ impl<T: Real> JointServo<T> {
         if is_finite(torque) {
             clamp(torque, self.torque.0, self.torque.1)
         } else {
-            T::zero()
+            0.0
         }
     }
 
@@ -323,7 +321,7 @@ impl<T: Real> JointServo<T> {
     }
 
     /// The tensions that are given to it, where it has no torque of its own.
-    pub(super) fn given_tensions(&self) -> Option<Pair<T>> {
+    pub(super) fn given_tensions(&self) -> Option<Pair<f64>> {
         match self.target {
             JointTarget::Off => Some(Pair::both(self.tension.0)),
             JointTarget::Tension(pair) => Some(pair),
@@ -335,7 +333,7 @@ impl<T: Real> JointServo<T> {
     }
 
     /// Another stop, of the same damping, from the next tick on.
-    pub(super) fn set_stop(&mut self, stop: &SoftStop<T>) -> Result<(), NumberError> {
+    pub(super) fn set_stop(&mut self, stop: &SoftStop) -> Result<(), NumberError> {
         let damping_ratio = self.stop.damping_ratio;
         let stop = SoftStop {
             damping_ratio,
@@ -347,7 +345,7 @@ impl<T: Real> JointServo<T> {
     }
 
     /// Other gains from the next tick on.
-    pub(super) fn set_gains(&mut self, gains: &JointGains<T>) -> Result<(), NumberError> {
+    pub(super) fn set_gains(&mut self, gains: &JointGains) -> Result<(), NumberError> {
         gains.check()?;
         let mut integrator = gains.integrator()?;
         integrator.set(self.integrator.term());
@@ -360,11 +358,11 @@ impl<T: Real> JointServo<T> {
     }
 }
 
-impl<T: Real> JointGains<T> {
-    fn integrator(&self) -> Result<Integrator<T>, NumberError> {
+impl JointGains {
+    fn integrator(&self) -> Result<Integrator, NumberError> {
         Integrator::new(match self.law {
             PositionLaw::Pd { integral_nm, .. } => integral_nm,
-            PositionLaw::ComputedTorque { .. } => T::zero(),
+            PositionLaw::ComputedTorque { .. } => 0.0,
         })
     }
 }

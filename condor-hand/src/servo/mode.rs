@@ -1,4 +1,3 @@
-use crate::Real;
 use crate::tendon::Pair;
 use crate::trajectory::SetPoint;
 
@@ -49,29 +48,29 @@ impl ServoMode {
 
 /// The target of a joint, which also determines the mode of the joint.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub enum JointTarget<T: Real = f64> {
+pub enum JointTarget {
     /// No target, for [`ServoMode::Off`].
     Off,
     /// Tensions of its two tendons, N, for [`ServoMode::Tension`].
-    Tension(Pair<T>),
+    Tension(Pair<f64>),
     /// A torque, N m, for [`ServoMode::Torque`].
-    Torque(T),
+    Torque(f64),
     /// A position with its rate and acceleration (rad, rad/s, rad/s²), for [`ServoMode::Position`].
-    Position(SetPoint<T>),
+    Position(SetPoint),
     /// A torque of the grasp law, N m, for [`ServoMode::Grasp`].
-    Grasp(T),
+    Grasp(f64),
     /// A spring and a damper, for [`ServoMode::Impedance`].
     Impedance {
         /// The position at which the spring has no torque, rad.
-        position: T,
+        position: f64,
         /// The stiffness of the spring, N m/rad.
-        stiffness: T,
+        stiffness: f64,
         /// The damping, N m s/rad.
-        damping: T,
+        damping: f64,
     },
 }
 
-impl<T: Real> JointTarget<T> {
+impl JointTarget {
     /// Returns the mode in which a joint has this kind of target.
     #[must_use]
     pub const fn mode(&self) -> ServoMode {

@@ -2,7 +2,7 @@
 
 use super::JointSettings;
 use crate::control::elapsed::Elapsed;
-use crate::math::{Real, abs, clamp, is_finite, real};
+use crate::math::{abs, clamp, is_finite};
 
 /// Readings differ from where a joint is by so many times what the sensor tells apart.
 const NOISE: f64 = 3.0;
@@ -12,32 +12,32 @@ const NOISE: f64 = 3.0;
 /// One that is not finite, or too far from the last one and from where the rate leads, is lost. So is one that
 /// stands while the joint went, and its set-point went on. A joint goes on at its rate meanwhile.
 #[derive(Clone, Debug)]
-pub(super) struct Readings<T, const N: usize> {
+pub(super) struct Readings<const N: usize> {
     /// By which a rate changes at most, rad/s.
-    change: [T; N],
-    resolution: [T; N],
-    frozen: [T; N],
+    change: [f64; N],
+    resolution: [f64; N],
+    frozen: [f64; N],
     /// The last that were believed, rad.
-    last: [T; N],
+    last: [f64; N],
     /// The time since then, and since any number came, s; zero but for what is lost.
-    away: [T; N],
-    silent: [T; N],
+    away: [f64; N],
+    silent: [f64; N],
     /// The last that was another, rad, the time since then, s, at which rate it had changed, rad/s, and where
     /// the joint was to be then, rad.
-    there: [T; N],
-    still: [T; N],
-    going: [T; N],
-    wanted: [T; N],
+    there: [f64; N],
+    still: [f64; N],
+    going: [f64; N],
+    wanted: [f64; N],
     /// A bit for each that is lost.
     pub(super) lost: u32,
 }
 
 /// A rate with which a joint went on unseen: rad/s, and for how long, s.
-pub(super) type UnseenMotion<T> = Option<(T, T)>;
+pub(super) type UnseenMotion = Option<(f64, f64)>;
 
-impl<T: Real, const N: usize> Readings<T, N> {
-    pub(super) fn new(joints: &[JointSettings<T>; N]) -> Self {
-        let none = [T::zero(); N];
+impl<const N: usize> Readings<N> {
+    pub(super) fn new(joints: &[JointSettings; N]) -> Self {
+        let none = [0.0; N];
         Self {
             change: joints.map(|joint| joint.rate_change),
             resolution: joints.map(|joint| joint.resolution_rad),
@@ -59,13 +59,13 @@ impl<T: Real, const N: usize> Readings<T, N> {
     #[inline(always)]
     pub(super) fn take(
         &mut self,
-        positions: &mut [T; N],
+        positions: &mut [f64; N],
         seen: &mut [bool; N],
-        rates: &[T; N],
-        targets: &[T; N],
-        elapsed: Elapsed<T>,
-    ) -> [UnseenMotion<T>; N] {
-        let zero = T::zero();
+        rates: &[f64; N],
+        targets: &[f64; N],
+        elapsed: Elapsed,
+    ) -> [UnseenMotion; N] {
+        let zero = 0.0;
         let mut unseen = [None; N];
         self.lost = 0;
         for lane in 0..N {
@@ -87,7 +87,7 @@ impl<T: Real, const N: usize> Readings<T, N> {
             let led = targets[lane] - self.wanted[lane];
             let led = if going > zero { led } else { -led };
             // A reading that was off has not shown how fast the joint goes.
-            let as_led = abs(going) * still < real::<T>(4.0) * led;
+            let as_led = abs(going) * still < 4.0 * led;
             let is_frozen = stands && has_gone && as_led && led > self.frozen[lane];
             // A filter that began with a position that never was would show a rate.
             let begins = is_number && !seen[lane];
@@ -130,10 +130,10 @@ impl<T: Real, const N: usize> Readings<T, N> {
     pub(super) fn plausible(
         &self,
         lane: usize,
-        position: T,
-        rate: T,
-        elapsed: Elapsed<T>,
-    ) -> Option<T> {
+        position: f64,
+        rate: f64,
+        elapsed: Elapsed,
+    ) -> Option<f64> {
         let (last, away) = (*self.last.get(lane)?, *self.away.get(lane)?);
         let silent = *self.silent.get(lane)? + elapsed.seconds;
         let way = rate * (away + elapsed.seconds);
@@ -143,7 +143,7 @@ impl<T: Real, const N: usize> Readings<T, N> {
 
     /// Begins anew with the next readings.
     pub(super) fn forget(&mut self) {
-        let none = [T::zero(); N];
+        let none = [0.0; N];
         (self.away, self.silent, self.going) = (none, none, none);
         self.lost = 0;
     }
@@ -151,14 +151,14 @@ impl<T: Real, const N: usize> Readings<T, N> {
     /// Returns true if a joint can have moved this far, or be this far from its way, in this time, s. False for
     /// numbers that are not finite.
     #[inline(always)]
-    fn is_near(&self, lane: usize, moved: T, way: T, seconds: T) -> bool {
-        let reach = self.change[lane] * seconds + real::<T>(NOISE) * self.resolution[lane];
+    fn is_near(&self, lane: usize, moved: f64, way: f64, seconds: f64) -> bool {
+        let reach = self.change[lane] * seconds + NOISE * self.resolution[lane];
         abs(moved - way) <= reach || abs(moved) <= reach
     }
 
     /// Returns true if the sensor shows the same as before.
     #[inline(always)]
-    fn stands(&self, lane: usize, gone: T) -> bool {
-        abs(gone) < real::<T>(0.5) * self.resolution[lane]
+    fn stands(&self, lane: usize, gone: f64) -> bool {
+        abs(gone) < 0.5 * self.resolution[lane]
     }
 }

@@ -1,71 +1,69 @@
 use super::{PositionLaw, SoftStop};
-use crate::Real;
 use crate::dynamics::DriveDynamics;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::{Pair, TensionAllocation, TensionGains};
 
 /// The gains of a joint, which can be changed while the joint runs.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(bound(deserialize = "T: Real + Default + serde::Deserialize<'de>"))]
-pub struct JointGains<T: Real = f64> {
+pub struct JointGains {
     /// The law by which it follows positions.
-    pub law: PositionLaw<T>,
+    pub law: PositionLaw,
     /// The fraction of the torque error (desired less measured) that is added to a torque.
-    pub k_torque: T,
+    pub k_torque: f64,
     /// The gains of its tendons' servos.
-    pub tension: Pair<TensionGains<T>>,
+    pub tension: Pair<TensionGains>,
 }
 
 /// All settings of the servo of one joint: gains, limits and filters.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct JointSettings<T: Real = f64> {
+pub struct JointSettings {
     /// The settings that can be changed while it runs.
-    pub gains: JointGains<T>,
+    pub gains: JointGains,
     /// Its limits, with their soft stops.
-    pub stop: SoftStop<T>,
+    pub stop: SoftStop,
     /// The way in which a torque becomes two tensions.
-    pub allocation: TensionAllocation<T>,
+    pub allocation: TensionAllocation,
     /// The greatest change of its rate from one tick to the next, rad/s; a reading with a greater
     /// change is implausible.
-    pub rate_change: T,
+    pub rate_change: f64,
     /// The resolution of its sensor, rad.
-    pub resolution_rad: T,
+    pub resolution_rad: f64,
     /// The distance that the joint and its target may go while its sensor shows no change, rad;
     /// after that the sensor counts as frozen. It must be more than friction can hold back.
-    pub frozen_rad: T,
+    pub frozen_rad: f64,
     /// The cutoff of a low-pass filter of the position, before everything else, Hz; `None` means no
     /// filter.
-    pub position_cutoff_hz: Option<T>,
+    pub position_cutoff_hz: Option<f64>,
     /// The cutoff of the filter that differentiates its position, Hz.
-    pub velocity_cutoff_hz: T,
+    pub velocity_cutoff_hz: f64,
     /// The cutoffs of low-pass filters of the measured tensions, Hz; `None` means no filter.
-    pub tension_cutoff_hz: Pair<Option<T>>,
+    pub tension_cutoff_hz: Pair<Option<f64>>,
 }
 
 /// The cutoffs of the filters of a joint, Hz; `None` means no filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct JointCutoffs<T> {
-    pub(crate) position: Option<T>,
-    pub(crate) velocity: T,
-    pub(crate) tension: Pair<Option<T>>,
+pub(crate) struct JointCutoffs {
+    pub(crate) position: Option<f64>,
+    pub(crate) velocity: f64,
+    pub(crate) tension: Pair<Option<f64>>,
 }
 
 /// All settings of a [`FingerServo`](super::FingerServo), except for its mechanism and its moment
 /// arms.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerSettings<T: Real, const N: usize> {
+pub struct FingerSettings<const N: usize> {
     /// The joints, proximal first.
-    pub joints: [JointSettings<T>; N],
+    pub joints: [JointSettings; N],
     /// The inertia and friction of the drives, for feed-forward.
-    pub drive: DriveDynamics<T, N>,
+    pub drive: DriveDynamics<N>,
     /// The rate of the servo's ticks, Hz.
-    pub sample_hz: T,
+    pub sample_hz: f64,
     /// The time over which a step of tensions is spread when a mode or gains change, and over which the
     /// mean tensions of a joint are taken that a change of mode keeps, s.
-    pub transition_s: T,
+    pub transition_s: f64,
 }
 
-impl<T: Real> JointGains<T> {
+impl JointGains {
     /// Checks that the law's numbers are possible.
     pub(super) fn check(&self) -> Result<(), NumberError> {
         match self.law {
@@ -92,10 +90,10 @@ impl<T: Real> JointGains<T> {
     }
 }
 
-impl<T: Real> SoftStop<T> {
+impl SoftStop {
     pub(super) fn check(&self) -> Result<(), NumberError> {
         finite("the lower limit, rad,", self.low)?;
-        let above = Requirement::AtLeast(self.low.to_f64());
+        let above = Requirement::AtLeast(self.low);
         check("the upper limit, rad,", self.high, above)?;
         not_negative("the zone of a stop, rad,", self.zone)?;
         not_negative("the bandwidth of a stop, Hz,", self.bandwidth_hz)?;

@@ -1,6 +1,6 @@
 //! [`Transition`] and [`Mean`]: how a finger's tensions pass from before a change to after it.
 
-use crate::math::{Real, clamp, max, real};
+use crate::math::{clamp, max};
 use crate::tendon::{Pair, TendonPairs, TensionAllocation};
 
 /// The number of ticks within which a joint reaches the mean tensions that it takes over.
@@ -9,28 +9,28 @@ const SETTLING_TICKS: f64 = 4.0;
 /// The mean tensions of a joint, N, over as many ticks as a transition has, or at least half as many; over
 /// fewer if it began since then.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mean<T> {
+pub(super) struct Mean {
     /// The sums over a whole half of a transition, and over the ticks since then.
-    half: Sum<T>,
-    rest: Sum<T>,
+    half: Sum,
+    rest: Sum,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Sum<T> {
-    tension: Pair<T>,
-    ticks: T,
+struct Sum {
+    tension: Pair<f64>,
+    ticks: f64,
 }
 
-impl<T: Real> Sum<T> {
+impl Sum {
     fn nothing() -> Self {
         Self {
-            tension: Pair::both(T::zero()),
-            ticks: T::zero(),
+            tension: Pair::both(0.0),
+            ticks: 0.0,
         }
     }
 }
 
-impl<T: Real> Mean<T> {
+impl Mean {
     /// Makes an empty mean.
     pub(super) fn new() -> Self {
         Self {
@@ -41,22 +41,22 @@ impl<T: Real> Mean<T> {
 
     /// Adds one tick; `part` is one divided by the ticks of a transition.
     #[inline(always)]
-    pub(super) fn add(&mut self, tension: Pair<T>, part: T) {
+    pub(super) fn add(&mut self, tension: Pair<f64>, part: f64) {
         let sum = &mut self.rest;
         sum.tension.flexor += tension.flexor;
         sum.tension.extensor += tension.extensor;
-        sum.ticks += T::one();
-        if sum.ticks * part >= real(0.5) {
+        sum.ticks += 1.0;
+        if sum.ticks * part >= 0.5 {
             self.half = core::mem::replace(sum, Sum::nothing());
         }
     }
 
     /// The mean; `None` before the first tick.
-    pub(super) fn tension(&self) -> Option<Pair<T>> {
+    pub(super) fn tension(&self) -> Option<Pair<f64>> {
         let ticks = self.half.ticks + self.rest.ticks;
-        let mean = |half: T, rest: T| (half + rest) / ticks;
+        let mean = |half: f64, rest: f64| (half + rest) / ticks;
         let (half, rest) = (&self.half.tension, &self.rest.tension);
-        (ticks > T::zero()).then(|| Pair {
+        (ticks > 0.0).then(|| Pair {
             flexor: mean(half.flexor, rest.flexor),
             extensor: mean(half.extensor, rest.extensor),
         })
@@ -65,39 +65,39 @@ impl<T: Real> Mean<T> {
 
 /// The steps that changes would make in the tensions at once.
 #[derive(Clone, Debug)]
-pub(super) struct Transition<T: Real, const N: usize> {
-    change: Step<T, N>,
+pub(super) struct Transition<const N: usize> {
+    change: Step<N>,
     /// From the last tensions of a joint to their mean, if it takes that over.
-    settling: Step<T, N>,
+    settling: Step<N>,
 }
 
-impl<T: Real, const N: usize> Transition<T, N> {
+impl<const N: usize> Transition<N> {
     /// Makes a transition of `ticks` ticks, at least one.
-    pub(super) fn new(ticks: T) -> Self {
+    pub(super) fn new(ticks: f64) -> Self {
         Self {
             change: Step::new(ticks),
-            settling: Step::new(real(SETTLING_TICKS)),
+            settling: Step::new(SETTLING_TICKS),
         }
     }
 
     /// The part of a transition that a tick has.
     #[inline(always)]
-    pub(super) fn part(&self) -> T {
+    pub(super) fn part(&self) -> f64 {
         self.change.part
     }
 
     /// Forgets what is left of the last change.
     pub(super) fn end(&mut self) {
-        self.change.left = T::zero();
-        self.settling.left = T::zero();
+        self.change.left = 0.0;
+        self.settling.left = 0.0;
     }
 
     /// A change from the tensions of the last tick, of which joints go on from `kept`, to `new`.
     pub(super) fn begin(
         &mut self,
-        last: &TendonPairs<T, N>,
-        kept: &TendonPairs<T, N>,
-        new: &TendonPairs<T, N>,
+        last: &TendonPairs<f64, N>,
+        kept: &TendonPairs<f64, N>,
+        new: &TendonPairs<f64, N>,
     ) {
         self.change.begin(kept, new);
         self.settling.begin(last, kept);
@@ -107,11 +107,11 @@ impl<T: Real, const N: usize> Transition<T, N> {
     #[inline(always)]
     pub(super) fn smooth(
         &mut self,
-        tensions: &mut TendonPairs<T, N>,
-        allocation: &[TensionAllocation<T>; N],
-        periods: T,
+        tensions: &mut TendonPairs<f64, N>,
+        allocation: &[TensionAllocation; N],
+        periods: f64,
     ) {
-        if self.change.left > T::zero() || self.settling.left > T::zero() {
+        if self.change.left > 0.0 || self.settling.left > 0.0 {
             self.change.add(tensions, periods);
             self.settling.add(tensions, periods);
             for (tension, allocation) in tensions.iter_mut().zip(allocation) {
@@ -123,36 +123,36 @@ impl<T: Real, const N: usize> Transition<T, N> {
 
 /// A step of tensions, N, which is worked off in equal parts.
 #[derive(Clone, Debug)]
-struct Step<T: Real, const N: usize> {
-    whole: TendonPairs<T, N>,
+struct Step<const N: usize> {
+    whole: TendonPairs<f64, N>,
     /// The part of it that is left, from 1, and the part that a tick works off.
-    left: T,
-    part: T,
+    left: f64,
+    part: f64,
 }
 
-impl<T: Real, const N: usize> Step<T, N> {
-    fn new(ticks: T) -> Self {
+impl<const N: usize> Step<N> {
+    fn new(ticks: f64) -> Self {
         Self {
-            whole: [Pair::both(T::zero()); N],
-            left: T::zero(),
-            part: T::one() / max(ticks, T::one()),
+            whole: [Pair::both(0.0); N],
+            left: 0.0,
+            part: 1.0 / max(ticks, 1.0),
         }
     }
 
-    fn begin(&mut self, from: &TendonPairs<T, N>, to: &TendonPairs<T, N>) {
-        self.left = T::one();
+    fn begin(&mut self, from: &TendonPairs<f64, N>, to: &TendonPairs<f64, N>) {
+        self.left = 1.0;
         for ((step, from), to) in self.whole.iter_mut().zip(from).zip(to) {
             step.flexor = from.flexor - to.flexor;
             step.extensor = from.extensor - to.extensor;
         }
     }
 
-    fn add(&mut self, tensions: &mut TendonPairs<T, N>, periods: T) {
+    fn add(&mut self, tensions: &mut TendonPairs<f64, N>, periods: f64) {
         for (tension, step) in tensions.iter_mut().zip(&self.whole) {
             tension.flexor += self.left * step.flexor;
             tension.extensor += self.left * step.extensor;
         }
-        self.left = max(self.left - self.part * periods, T::zero());
+        self.left = max(self.left - self.part * periods, 0.0);
     }
 }
 

@@ -9,14 +9,14 @@
 use nalgebra::SVector;
 
 use super::{MomentArms, Pair, TendonPairs};
-use crate::math::{Real, clamp, is_finite, max, min, real, sqrt};
+use crate::math::{clamp, is_finite, max, min, sqrt};
 use crate::number::{NumberError, Requirement, check, not_negative};
 
 /// The rule for the co-contraction of the two tendons of a joint: how much the tendons pull against
 /// each other.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Rectification<T> {
+pub enum Rectification {
     /// The co-contraction is the least possible: one of the two tensions is at its minimum. The
     /// total tension is the least possible if antagonists have opposite arms at each joint that
     /// they cross.
@@ -24,7 +24,7 @@ pub enum Rectification<T> {
     /// The two tendons have this mean tension, or more if the torque needs it.
     Mean {
         /// The mean of the two tensions, N.
-        co_contraction_n: T,
+        co_contraction_n: f64,
     },
     /// The pull goes smoothly from one tendon to the other.
     ///
@@ -33,7 +33,7 @@ pub enum Rectification<T> {
     /// `u = (h + t) / 2` and `v = (h - t) / 2` with `h² = t² + 4 (r₊ softness)²`.
     Smooth {
         /// Half the width of the transition, as a tension, N.
-        softness_n: T,
+        softness_n: f64,
     },
 }
 
@@ -42,16 +42,16 @@ pub enum Rectification<T> {
 /// With any values, the tensions are within `min_n..=max_n`, where a minimum below zero counts as
 /// zero, and a maximum below the minimum counts as the minimum.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct TensionAllocation<T> {
+pub struct TensionAllocation {
     /// The co-contraction of the tendons.
-    pub rectification: Rectification<T>,
+    pub rectification: Rectification,
     /// The least tension, which keeps a tendon from slack, N.
-    pub min_n: T,
+    pub min_n: f64,
     /// The greatest tension of a tendon, N.
-    pub max_n: T,
+    pub max_n: f64,
 }
 
-impl<T: Real> TensionAllocation<T> {
+impl TensionAllocation {
     /// Checks that the values are possible: finite, not negative, and the maximum not below the
     /// minimum.
     ///
@@ -59,7 +59,7 @@ impl<T: Real> TensionAllocation<T> {
     /// [`NumberError`] for the first value that is wrong.
     pub fn check(&self) -> Result<(), NumberError> {
         not_negative("the least tension, N,", self.min_n)?;
-        let above = Requirement::AtLeast(self.min_n.to_f64());
+        let above = Requirement::AtLeast(self.min_n);
         check("the largest tension, N,", self.max_n, above)?;
         match self.rectification {
             Rectification::Hard => Ok(()),
@@ -73,12 +73,18 @@ impl<T: Real> TensionAllocation<T> {
     /// The two tensions where at least one would leave its limits, and the net torque that they
     /// make: that asked for if less co-contraction suffices for it, else the nearest.
     #[cold]
-    fn at_limit(&self, u: T, net: T, own: &Pair<T>, reciprocal: &Pair<T>) -> (Pair<T>, T) {
+    fn at_limit(
+        &self,
+        u: f64,
+        net: f64,
+        own: &Pair<f64>,
+        reciprocal: &Pair<f64>,
+    ) -> (Pair<f64>, f64) {
         let (low, high) = self.limits();
         let span = high - low;
         let (least, most) = (own.extensor * span, own.flexor * span);
         let net = clamp(net, least, most);
-        let u = clamp(u, max(net, T::zero()), min(most, net - least));
+        let u = clamp(u, max(net, 0.0), min(most, net - least));
         let pair = Pair {
             flexor: low + u * reciprocal.flexor,
             extensor: low - (u - net) * reciprocal.extensor,
@@ -89,8 +95,8 @@ impl<T: Real> TensionAllocation<T> {
 
     /// The limits that are followed: in order, and not below zero, also if a field is NaN.
     #[inline(always)]
-    fn limits(&self) -> (T, T) {
-        let low = max(self.min_n, T::zero());
+    fn limits(&self) -> (f64, f64) {
+        let low = max(self.min_n, 0.0);
         (low, max(self.max_n, low))
     }
 }
@@ -99,11 +105,11 @@ impl<T: Real> TensionAllocation<T> {
 /// the torques that they really produce.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
-pub struct AllocatedTensions<T: Real, const N: usize> {
+pub struct AllocatedTensions<const N: usize> {
     /// The tensions, N: each within the limits of its joint.
-    pub tensions: TendonPairs<T, N>,
+    pub tensions: TendonPairs<f64, N>,
     /// The torques of these tensions, N m; equal to the requested torques if no bit is set.
-    pub torque: SVector<T, N>,
+    pub torque: SVector<f64, N>,
     /// The joints, a bit each, whose torque is not the requested one because a tendon is at its
     /// greatest tension. The torques of proximal joints take the tensions of saturated joints into
     /// account.
@@ -113,7 +119,7 @@ pub struct AllocatedTensions<T: Real, const N: usize> {
     pub not_finite: u32,
 }
 
-impl<T: Real, const N: usize> MomentArms<T, N> {
+impl<const N: usize> MomentArms<N> {
     /// Converts the joint torques of a finger (`torque`, N m) into tensions of its tendons.
     /// `allocation` has the rule for each joint.
     ///
@@ -122,9 +128,9 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// joint to the proximal one. A finger has at most 32 joints.
     pub fn allocate(
         &self,
-        torque: &SVector<T, N>,
-        allocation: &[TensionAllocation<T>; N],
-    ) -> AllocatedTensions<T, N> {
+        torque: &SVector<f64, N>,
+        allocation: &[TensionAllocation; N],
+    ) -> AllocatedTensions<N> {
         self.allocate_around(torque, allocation, &[None; N])
     }
 
@@ -136,13 +142,13 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     #[allow(clippy::needless_range_loop, reason = "so it stays in registers")]
     pub fn allocate_around(
         &self,
-        torque: &SVector<T, N>,
-        allocation: &[TensionAllocation<T>; N],
-        given: &[Option<Pair<T>>; N],
-    ) -> AllocatedTensions<T, N> {
+        torque: &SVector<f64, N>,
+        allocation: &[TensionAllocation; N],
+        given: &[Option<Pair<f64>>; N],
+    ) -> AllocatedTensions<N> {
         const { assert!(N <= 32, "a joint is a bit of 32") };
         let mut allocated = AllocatedTensions {
-            tensions: [Pair::both(T::zero()); N],
+            tensions: [Pair::both(0.0); N],
             torque: *torque,
             saturated: 0,
             not_finite: 0,
@@ -198,7 +204,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
 
     /// Says what torques some joints do have: the saturated ones, and those of given tensions.
     #[cold]
-    fn reckon(&self, allocated: &mut AllocatedTensions<T, N>, joints: u32) {
+    fn reckon(&self, allocated: &mut AllocatedTensions<N>, joints: u32) {
         let made = self.torque(&allocated.tensions);
         for (joint, (torque, &made)) in allocated.torque.iter_mut().zip(&made).enumerate() {
             if joints & 1 << joint != 0 {
@@ -211,9 +217,9 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     #[cold]
     fn at_rest(
         &self,
-        allocated: &mut AllocatedTensions<T, N>,
-        torque: &SVector<T, N>,
-        allocation: &[TensionAllocation<T>; N],
+        allocated: &mut AllocatedTensions<N>,
+        torque: &SVector<f64, N>,
+        allocation: &[TensionAllocation; N],
     ) {
         for (tension, allocation) in allocated.tensions.iter_mut().zip(allocation) {
             *tension = Pair::both(allocation.limits().0);
@@ -233,21 +239,21 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     }
 }
 
-impl<T: Real> Rectification<T> {
+impl Rectification {
     /// The torque of the flexor beyond that of its minimum, for a net torque, N m; the caller applies the
     /// limits.
     #[inline(always)]
-    fn agonist(&self, net: T, low: T, own: &Pair<T>) -> T {
+    fn agonist(&self, net: f64, low: f64, own: &Pair<f64>) -> f64 {
         match *self {
-            Self::Hard => max(net, T::zero()),
+            Self::Hard => max(net, 0.0),
             Self::Mean { co_contraction_n } => {
                 // u / r₊ + v / r₋ is the sum of both beyond the minimum.
-                let sum = real::<T>(2.0) * max(co_contraction_n - low, T::zero());
+                let sum = 2.0 * max(co_contraction_n - low, 0.0);
                 own.flexor * (net - sum * own.extensor) / (own.flexor - own.extensor)
             }
             Self::Smooth { softness_n } => {
-                let width = real::<T>(2.0) * own.flexor * softness_n;
-                real::<T>(0.5) * (sqrt(net * net + width * width) + net)
+                let width = 2.0 * own.flexor * softness_n;
+                0.5 * (sqrt(net * net + width * width) + net)
             }
         }
     }

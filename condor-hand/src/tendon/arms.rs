@@ -2,7 +2,6 @@ use nalgebra::SVector;
 
 use super::{Pair, TendonPairs};
 use crate::Subject;
-use crate::math::Real;
 use crate::number::{NumberError, Requirement, check, finite};
 
 /// The moment arms of the tendons of one finger: the matrix P of `torque = P tension`. The tendons of a joint can also
@@ -12,13 +11,13 @@ use crate::number::{NumberError, Requirement, check, finite};
 /// to positive angles. The matrix is block upper triangular. At its own joint a flexor has a positive arm, and an
 /// extensor a negative one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MomentArms<T: Real, const N: usize> {
-    rows: [TendonPairs<T, N>; N],
+pub struct MomentArms<const N: usize> {
+    rows: [TendonPairs<f64, N>; N],
     /// The reciprocals for each joint's own tendons, so that the servo divides once and not in each tick.
-    reciprocals: TendonPairs<T, N>,
+    reciprocals: TendonPairs<f64, N>,
 }
 
-impl<T: Real, const N: usize> MomentArms<T, N> {
+impl<const N: usize> MomentArms<N> {
     /// Makes the matrix from its rows, m: `rows[j][k]` are the arms at joint j of the flexor and
     /// the extensor of joint k.
     ///
@@ -26,8 +25,8 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// [`NumberError`] for the first arm with which the matrix cannot be inverted by back-substitution: one that is
     /// not finite, one of a tendon at a joint distal to its own that is not 0, or one at its own joint that is
     /// not positive for a flexor, or not negative for an extensor.
-    pub fn new(rows: [TendonPairs<T, N>; N]) -> Result<Self, NumberError> {
-        let mut reciprocals = [Pair::both(T::zero()); N];
+    pub fn new(rows: [TendonPairs<f64, N>; N]) -> Result<Self, NumberError> {
+        let mut reciprocals = [Pair::both(0.0); N];
         for (joint, (row, reciprocal)) in rows.iter().zip(&mut reciprocals).enumerate() {
             for (tendon, pair) in row.iter().enumerate() {
                 let must = if tendon < joint {
@@ -44,7 +43,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
                     })?;
                 }
                 if tendon == joint {
-                    *reciprocal = pair.map(|arm| T::one() / arm);
+                    *reciprocal = pair.map(|arm| 1.0 / arm);
                     let own = "the arm at its own joint, m,";
                     // The reciprocal of a denormal arm overflows.
                     let invertible = "one over the arm at its own joint, 1/m,";
@@ -64,21 +63,21 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// k.
     #[inline(always)]
     #[must_use]
-    pub fn rows(&self) -> &[TendonPairs<T, N>; N] {
+    pub fn rows(&self) -> &[TendonPairs<f64, N>; N] {
         &self.rows
     }
 
     /// One over each joint's own arms, 1/m.
     #[inline(always)]
-    pub(super) fn reciprocals(&self) -> &TendonPairs<T, N> {
+    pub(super) fn reciprocals(&self) -> &TendonPairs<f64, N> {
         &self.reciprocals
     }
 
     /// Returns the joint torques that the tensions (N) of the tendons produce, N m: `P tensions`.
     #[inline(always)]
     #[must_use]
-    pub fn torque(&self, tensions: &TendonPairs<T, N>) -> SVector<T, N> {
-        let mut torques = SVector::<T, N>::zeros();
+    pub fn torque(&self, tensions: &TendonPairs<f64, N>) -> SVector<f64, N> {
+        let mut torques = SVector::<f64, N>::zeros();
         let rows = self.rows.iter().enumerate();
         for (torque, (joint, row)) in torques.iter_mut().zip(rows) {
             for tendon in joint..N {
@@ -93,8 +92,8 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// (rad/s): `-Pᵀ qd`, m/s. A rate is negative for a tendon that shortens.
     #[inline(always)]
     #[must_use]
-    pub fn length_rates(&self, qd: &SVector<T, N>) -> TendonPairs<T, N> {
-        let mut rates = [Pair::both(T::zero()); N];
+    pub fn length_rates(&self, qd: &SVector<f64, N>) -> TendonPairs<f64, N> {
+        let mut rates = [Pair::both(0.0); N];
         for (joint, (row, &rate)) in self.rows.iter().zip(qd.iter()).enumerate() {
             for tendon in joint..N {
                 let (length, arm) = (&mut rates[tendon], &row[tendon]);

@@ -1,25 +1,25 @@
 use crate::control::Integrator;
 use crate::control::elapsed::Elapsed;
-use crate::math::{Real, clamp, is_finite};
+use crate::math::{clamp, is_finite};
 use crate::number::{NumberError, not_negative, period, positive};
 
 /// The gains of the servo that keeps a tendon at its desired tension.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TensionGains<T> {
+pub struct TensionGains {
     /// The gain of the error, N/N; it moves the pole of a first-order actuator from f to f (1 +
     /// kt).
     #[serde(default)]
-    pub kt: T,
+    pub kt: f64,
     /// The gain of the error's integral, 1/s.
     #[serde(default)]
-    pub ki: T,
+    pub ki: f64,
     /// The gain of the error's rate, s.
     #[serde(default)]
-    pub kd: T,
+    pub kd: f64,
     /// The gain of the rate of the tendon's length, N s/m; it damps the motion of the joint.
     #[serde(default)]
-    pub kv: T,
+    pub kv: f64,
 }
 
 /// The tension servos of L tendons side by side. The actuators follow commands in newtons; each command is the desired
@@ -38,25 +38,25 @@ pub struct TensionGains<T> {
 /// without a measured tension only the integral's part of the feedback remains; without a rate of the length there is
 /// no damping.
 #[derive(Clone, Copy, Debug)]
-pub struct TensionServos<T: Real, const L: usize> {
-    gains: [TensionGains<T>; L],
-    max_n: T,
-    sample_hz: T,
+pub struct TensionServos<const L: usize> {
+    gains: [TensionGains; L],
+    max_n: f64,
+    sample_hz: f64,
     /// The integral terms, N.
-    integrals: [Integrator<T>; L],
-    desired: [T; L],
-    last_error: [T; L],
+    integrals: [Integrator; L],
+    desired: [f64; L],
+    last_error: [f64; L],
     /// Whether there is such an error.
     has_last: [bool; L],
 }
 
-impl<T: Real, const L: usize> TensionServos<T, L> {
+impl<const L: usize> TensionServos<L> {
     /// Makes servos with these gains, whose integrals are zero. Commands are at most `max_n` (N),
     /// and `sample_hz` is the number of calls of [`update`](Self::update) per second.
     ///
     /// # Errors
     /// [`NumberError`] for the first value that is negative or not finite.
-    pub fn new(gains: [TensionGains<T>; L], max_n: T, sample_hz: T) -> Result<Self, NumberError> {
+    pub fn new(gains: [TensionGains; L], max_n: f64, sample_hz: f64) -> Result<Self, NumberError> {
         positive("the largest tension, N,", max_n)?;
         period(sample_hz)?;
         check(&gains)?;
@@ -65,8 +65,8 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
             max_n,
             sample_hz,
             integrals: [Integrator::new(max_n)?; L],
-            desired: [T::zero(); L],
-            last_error: [T::zero(); L],
+            desired: [0.0; L],
+            last_error: [0.0; L],
             has_last: [false; L],
         })
     }
@@ -75,7 +75,7 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
     ///
     /// # Errors
     /// [`NumberError`] for the first gain that is negative or not finite; all gains stay then.
-    pub fn set_gains(&mut self, gains: [TensionGains<T>; L]) -> Result<(), NumberError> {
+    pub fn set_gains(&mut self, gains: [TensionGains; L]) -> Result<(), NumberError> {
         check(&gains)?;
         self.gains = gains;
         Ok(())
@@ -84,7 +84,7 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
     /// Sets all integral terms to zero, and forgets the last errors.
     pub fn reset(&mut self) {
         for integral in &mut self.integrals {
-            integral.set(T::zero());
+            integral.set(0.0);
         }
         self.has_last = [false; L];
     }
@@ -92,7 +92,12 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
     /// Runs one tick of all servos, and returns the commands of the actuators, 0..=`max_n` in N.
     /// `desired` and `measured` are tensions in N, and `length_rate` are the rates of the tendons'
     /// lengths in m/s.
-    pub fn update(&mut self, desired: &[T; L], measured: &[T; L], length_rate: &[T; L]) -> [T; L] {
+    pub fn update(
+        &mut self,
+        desired: &[f64; L],
+        measured: &[f64; L],
+        length_rate: &[f64; L],
+    ) -> [f64; L] {
         self.update_after(
             desired,
             measured,
@@ -105,12 +110,12 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
     #[inline(always)]
     pub(crate) fn update_after(
         &mut self,
-        asked: &[T; L],
-        measured: &[T; L],
-        length_rate: &[T; L],
-        elapsed: Elapsed<T>,
-    ) -> [T; L] {
-        let zero = T::zero();
+        asked: &[f64; L],
+        measured: &[f64; L],
+        length_rate: &[f64; L],
+        elapsed: Elapsed,
+    ) -> [f64; L] {
+        let zero = 0.0;
         let mut command = [zero; L];
         for i in 0..L {
             let TensionGains { kt, ki, kd, kv } = self.gains[i];
@@ -145,7 +150,7 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
     }
 }
 
-fn check<T: Real>(gains: &[TensionGains<T>]) -> Result<(), NumberError> {
+fn check(gains: &[TensionGains]) -> Result<(), NumberError> {
     for &TensionGains { kt, ki, kd, kv } in gains {
         not_negative("the gain kt", kt)?;
         not_negative("the gain ki", ki)?;

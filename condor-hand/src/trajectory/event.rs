@@ -47,7 +47,7 @@ pub enum MotionEnd {
 
 /// The progress of a primitive that waits in the queue or is in motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum MotionProgress<T> {
+pub enum MotionProgress {
     /// The primitive waits in the queue.
     Queued {
         /// The number of primitives before it.
@@ -56,9 +56,9 @@ pub enum MotionProgress<T> {
     /// The primitive is in motion.
     Running {
         /// The fraction of its time that has passed, in 0..=1.
-        fraction: T,
+        fraction: f64,
         /// The ratio of its present speed to that of its profile; below 1 while it stops or
         /// continues.
-        rate: T,
+        rate: f64,
     },
 }

@@ -8,7 +8,6 @@ use super::{
     MotionProgress, MotionTicket, Observations, OnEnd, Primitive, ProfileLimits, Segments,
     SetPoint, StopGuard, Target, check_start,
 };
-use crate::Real;
 use crate::math::{clamp, max};
 use crate::number::{NumberError, positive};
 
@@ -46,12 +45,12 @@ const EVENTS: usize = 32;
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
-    limits: [ProfileLimits<T>; J],
-    tick: T,
-    joints: [Mover<T>; J],
-    running: [Option<Running<T>>; J],
-    queue: Deque<(MotionTicket, Primitive<J, T>), Q>,
+pub struct Generator<const J: usize, const Q: usize> {
+    limits: [ProfileLimits; J],
+    tick: f64,
+    joints: [Mover; J],
+    running: [Option<Running>; J],
+    queue: Deque<(MotionTicket, Primitive<J>), Q>,
     /// Ticks for which the first of the queue has had its turn.
     waited: u32,
     paused: bool,
@@ -62,16 +61,16 @@ pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     events: Deque<MotionEvent, EVENTS>,
 }
 
-impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
+impl<const J: usize, const Q: usize> Generator<J, Q> {
     /// Makes a generator whose joints rest at `positions` (rad). `limits` are those of each joint,
     /// and `tick_s` is the time between two calls of [`tick`](Self::tick), s.
     ///
     /// # Errors
     /// [`NumberError`] if a limit is wrong, or a number is not finite.
     pub fn new(
-        limits: [ProfileLimits<T>; J],
-        positions: [T; J],
-        tick_s: T,
+        limits: [ProfileLimits; J],
+        positions: [f64; J],
+        tick_s: f64,
     ) -> Result<Self, NumberError> {
         const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
         positive("the duration of a tick, s,", tick_s)?;
@@ -121,9 +120,9 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     pub fn set_rates(
         &mut self,
         joint: usize,
-        velocity: T,
-        acceleration: T,
-        jerk: T,
+        velocity: f64,
+        acceleration: f64,
+        jerk: f64,
     ) -> Result<bool, NumberError> {
         let is_idle = self.is_idle();
         let places = self.limits.get_mut(joint).zip(self.joints.get_mut(joint));
@@ -147,7 +146,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// # Errors
     /// [`MotionError`] if the primitive is wrong, a joint would leave its limits, or the queue
     /// is full.
-    pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<MotionTicket, MotionError> {
+    pub fn enqueue(&mut self, primitive: Primitive<J>) -> Result<MotionTicket, MotionError> {
         primitive.check()?;
         let starts = if primitive.begin == Begin::Now && self.queue.is_empty() {
             self.set_points()
@@ -177,7 +176,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// there and also returns the error; a full queue is not an error.
     pub fn feed<const N: usize>(
         &mut self,
-        primitives: impl IntoIterator<Item = Primitive<J, T>>,
+        primitives: impl IntoIterator<Item = Primitive<J>>,
         tickets: &mut heapless::Vec<MotionTicket, N>,
     ) -> (u32, Result<(), MotionError>) {
         let mut fed = 0;
@@ -252,7 +251,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     ///
     /// # Errors
     /// [`NumberError`] if a position is not finite; nothing changes then.
-    pub fn reset(&mut self, positions: [T; J]) -> Result<(), NumberError> {
+    pub fn reset(&mut self, positions: [f64; J]) -> Result<(), NumberError> {
         place(&mut self.joints, &positions)?;
         self.free(u32::MAX, MotionEnd::Aborted);
         self.abort();
@@ -267,7 +266,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     ///
     /// # Errors
     /// [`NumberError`] if a position of such a joint is not finite; nothing changes then.
-    pub fn hold(&mut self, mask: u32, positions: &[T; J]) -> Result<(), NumberError> {
+    pub fn hold(&mut self, mask: u32, positions: &[f64; J]) -> Result<(), NumberError> {
         let held = |joint: usize| mask >> joint & 1 == 1;
         let mut all = self.set_points().map(|point| point.position);
         for (joint, (place, position)) in all.iter_mut().zip(positions).enumerate() {
@@ -307,7 +306,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         motion: u32,
         guard: MotionGuard,
         mask: u32,
-        positions: &[T; J],
+        positions: &[f64; J],
     ) -> Result<u32, NumberError> {
         let in_mask = |joint: usize| mask >> joint & 1 == 1;
         for (joint, &position) in positions.iter().enumerate() {
@@ -343,12 +342,12 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// Moves joints on their paths back to where a servo has stopped them.
-    fn send_back(&mut self, motion: u32, guard: MotionGuard, mask: u32, duration: T) {
+    fn send_back(&mut self, motion: u32, guard: MotionGuard, mask: u32, duration: f64) {
         let mut back = Running {
             ticket: MotionTicket(motion.wrapping_sub(1)),
             mask,
-            at: T::zero(),
-            rate: T::one(),
+            at: 0.0,
+            rate: 1.0,
             duration,
             ticks: 0,
             stop: Guards::none(),
@@ -399,7 +398,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
 
     /// Runs one tick, and returns the new set-points of all joints. `seen` are the sensor readings
     /// with which the conditions of primitives are compared.
-    pub fn tick(&mut self, seen: &Observations<J, T>) -> [SetPoint<T>; J] {
+    pub fn tick(&mut self, seen: &Observations<J>) -> [SetPoint; J] {
         self.start(seen);
         for (joint, mover) in self.joints.iter_mut().enumerate() {
             if !self
@@ -419,7 +418,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
 
     /// Returns the set-points of the last tick.
     #[must_use]
-    pub fn set_points(&self) -> [SetPoint<T>; J] {
+    pub fn set_points(&self) -> [SetPoint; J] {
         self.joints.each_ref().map(|mover| mover.state)
     }
 
@@ -432,7 +431,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Returns the progress of a primitive; `None` if it has ended, or if there was none with this
     /// ticket.
     #[must_use]
-    pub fn progress(&self, ticket: MotionTicket) -> Option<MotionProgress<T>> {
+    pub fn progress(&self, ticket: MotionTicket) -> Option<MotionProgress> {
         let mut running = self.running.iter().flatten();
         if let Some(running) = running.find(|running| running.ticket == ticket) {
             return Some(MotionProgress::Running {
@@ -462,7 +461,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// The set-points at which the joints will rest after all motions that run and wait.
-    fn foreseen(&self) -> [SetPoint<T>; J] {
+    fn foreseen(&self) -> [SetPoint; J] {
         let mut ends = self
             .set_points()
             .map(|point| SetPoint::rest(point.position));
@@ -490,7 +489,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// Starts all that may start, from the head of the queue.
-    fn start(&mut self, seen: &Observations<J, T>) {
+    fn start(&mut self, seen: &Observations<J>) {
         while !self.paused && !self.held {
             let Some((_, first)) = self.queue.front() else {
                 return;
@@ -514,11 +513,11 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         }
     }
 
-    fn seconds(&self, ticks: u32) -> T {
-        T::of(f64::from(ticks)) * self.tick
+    fn seconds(&self, ticks: u32) -> f64 {
+        f64::from(ticks) * self.tick
     }
 
-    fn is_turn_of(&self, primitive: &Primitive<J, T>) -> bool {
+    fn is_turn_of(&self, primitive: &Primitive<J>) -> bool {
         self.running.iter().flatten().all(|running| {
             let waits = match primitive.begin {
                 Begin::Now => false,
@@ -528,7 +527,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             let blends = running.ending.is_none()
                 && !running.returns()
                 && running.on_end == OnEnd::Next
-                && primitive.blend > T::zero()
+                && primitive.blend > 0.0
                 && running.remaining() <= primitive.blend;
             !waits || blends
         })
@@ -537,7 +536,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     fn launch(
         &mut self,
         ticket: MotionTicket,
-        primitive: &Primitive<J, T>,
+        primitive: &Primitive<J>,
     ) -> Result<bool, MotionError> {
         let starts = self.set_points();
         let planner = Planner {
@@ -560,8 +559,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         let running = Running {
             ticket,
             mask: primitive.mask,
-            at: T::zero(),
-            rate: T::one(),
+            at: 0.0,
+            rate: 1.0,
             duration: plan.duration,
             ticks: 0,
             stop: primitive.stop,
@@ -594,7 +593,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         }
     }
 
-    fn advance(&mut self, slot: usize, seen: &Observations<J, T>) {
+    fn advance(&mut self, slot: usize, seen: &Observations<J>) {
         let Some(mut running) = self.running.get_mut(slot).and_then(Option::take) else {
             return;
         };
@@ -618,7 +617,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// Ends a motion whose part `running` is over, unless other joints of the motion still return or slow down.
-    fn end(&mut self, running: &Running<T>, ended: MotionEnd) {
+    fn end(&mut self, running: &Running, ended: MotionEnd) {
         let ticket = running.ticket;
         let mut others = self.running.iter().flatten();
         if running.is_told || others.any(|other| other.ticket == ticket) {
@@ -632,10 +631,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
 }
 
 /// Puts the joints at rest at these positions, if all of them are finite.
-fn place<const J: usize, T: Real>(
-    joints: &mut [Mover<T>; J],
-    positions: &[T; J],
-) -> Result<(), NumberError> {
+fn place<const J: usize>(joints: &mut [Mover; J], positions: &[f64; J]) -> Result<(), NumberError> {
     check_finite(positions)?;
     for (mover, &position) in joints.iter_mut().zip(positions) {
         mover.rest(position);
@@ -643,7 +639,7 @@ fn place<const J: usize, T: Real>(
     Ok(())
 }
 
-fn check_finite<const J: usize, T: Real>(positions: &[T; J]) -> Result<(), NumberError> {
+fn check_finite<const J: usize>(positions: &[f64; J]) -> Result<(), NumberError> {
     let mut joints = positions.iter().enumerate();
     joints.try_for_each(|(joint, &position)| check_start(joint, position))
 }

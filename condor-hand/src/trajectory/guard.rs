@@ -1,5 +1,4 @@
 use super::{Guards, MotionGuard, MotionTicket};
-use crate::Real;
 
 /// The conditions under which the servo of a joint stops the motion that moves the joint. The
 /// generator passes them to the servo together with the set-point.
@@ -33,8 +32,8 @@ impl StopGuard {
     }
 
     /// The conditions of a motion that a servo can check.
-    pub(super) fn new<T: Real>(motion: u32, guards: &Guards<T>) -> Self {
-        let limit = |limit: Option<T>| limit.map_or(f64::INFINITY, T::to_f64);
+    pub(super) fn new(motion: u32, guards: &Guards) -> Self {
+        let limit = |limit: Option<f64>| limit.unwrap_or(f64::INFINITY);
         Self {
             motion,
             torque: limit(guards.torque),

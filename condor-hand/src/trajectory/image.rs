@@ -203,12 +203,12 @@ fn write<'m, const J: usize>(
 #[derive(Serialize, Deserialize)]
 struct Head {
     mask: u32,
-    pace: Pace<f64>,
+    pace: Pace,
     profile: Profile,
     begin: Begin,
     blend: f64,
-    start: Guards<f64>,
-    stop: Guards<f64>,
+    start: Guards,
+    stop: Guards,
     on_end: OnEnd,
     vias: u8,
 }

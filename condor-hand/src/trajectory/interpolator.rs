@@ -1,6 +1,6 @@
 use super::{Bounds, Polynomial, Segments, SetPoint, check_rates, check_start};
 use crate::Subject;
-use crate::math::{Real, abs, min, real};
+use crate::math::{abs, min};
 use crate::number::{NumberError, finite, positive};
 
 /// An interpolator that computes set-points of J joints at the rate of the servos, from the less
@@ -12,22 +12,22 @@ use crate::number::{NumberError, finite, positive};
 /// or velocity: the difference between the joint and the motion becomes a motion of its own, within
 /// its own bounds, that is added.
 #[derive(Clone, Debug)]
-pub struct Interpolator<const J: usize, T: Real = f64> {
+pub struct Interpolator<const J: usize> {
     substeps: u32,
     /// From step to step, s.
-    period: T,
+    period: f64,
     /// Steps from the beginning of the polynomials, and their length in steps.
     step: u32,
     length: u32,
     /// One over that length.
-    part: T,
+    part: f64,
     /// Steps since their end.
     late: u32,
-    bounds: [Bounds<T>; J],
-    to: [SetPoint<T>; J],
+    bounds: [Bounds; J],
+    to: [SetPoint; J],
     /// The ways to there.
-    ways: [PathPart<T>; J],
-    gaps: [Option<Gap<T>>; J],
+    ways: [PathPart; J],
+    gaps: [Option<Gap>; J],
     /// There is a gap.
     rejoining: bool,
 }
@@ -35,21 +35,21 @@ pub struct Interpolator<const J: usize, T: Real = f64> {
 /// A cubic polynomial of the part of the way in time, and its derivatives to time: what does not
 /// change from step to step is computed once.
 #[derive(Clone, Copy, Debug)]
-struct PathPart<T> {
-    position: [T; 4],
-    velocity: [T; 3],
-    acceleration: [T; 2],
+struct PathPart {
+    position: [f64; 4],
+    velocity: [f64; 3],
+    acceleration: [f64; 2],
 }
 
 /// The difference between a joint and the motion of the ticks.
 #[derive(Clone, Debug)]
-struct Gap<T: Real> {
-    way: Segments<T>,
+struct Gap {
+    way: Segments,
     /// Time on it, s.
-    at: T,
+    at: f64,
 }
 
-impl<const J: usize, T: Real> Interpolator<J, T> {
+impl<const J: usize> Interpolator<J> {
     /// Makes an interpolator whose joints rest at `positions` (rad).
     ///
     /// * `substeps`: the number of servo periods in one tick of the master.
@@ -62,15 +62,15 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// finite.
     pub fn new(
         substeps: u16,
-        tick_s: T,
-        positions: [T; J],
-        bounds: [Bounds<T>; J],
+        tick_s: f64,
+        positions: [f64; J],
+        bounds: [Bounds; J],
     ) -> Result<Self, NumberError> {
         positive("the number of servo periods in a tick", f64::from(substeps))?;
         positive("the duration of a tick, s,", tick_s)?;
         for (joint, (&position, bounds)) in positions.iter().zip(&bounds).enumerate() {
             check_start(joint, position)?;
-            let jerk = bounds.jerk.unwrap_or(T::one());
+            let jerk = bounds.jerk.unwrap_or(1.0);
             check_rates(bounds.velocity, bounds.acceleration, jerk)
                 .map_err(|error| error.at(Subject::Joint(joint as u16)))?;
         }
@@ -78,10 +78,10 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         let to = positions.map(SetPoint::rest);
         Ok(Self {
             substeps,
-            period: tick_s / T::of(f64::from(substeps)),
+            period: tick_s / f64::from(substeps),
             step: substeps,
             length: substeps,
-            part: T::one() / T::of(f64::from(substeps)),
+            part: 1.0 / f64::from(substeps),
             late: 0,
             bounds,
             to,
@@ -98,7 +98,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// # Errors
     /// [`NumberError`] for the first set-point that is not finite or too far away; all set-points
     /// are ignored then.
-    pub fn tick(&mut self, points: &[SetPoint<T>; J]) -> Result<(), NumberError> {
+    pub fn tick(&mut self, points: &[SetPoint; J]) -> Result<(), NumberError> {
         let early = self.length - self.step;
         // After a burst of ticks only the newest says where to be.
         if self.late > 0 || early > self.substeps {
@@ -120,12 +120,12 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
 
     /// Follows the line through the next points from now on, and closes what is between.
     #[cold]
-    fn begin_anew(&mut self, points: &[SetPoint<T>; J]) -> Result<(), NumberError> {
+    fn begin_anew(&mut self, points: &[SetPoint; J]) -> Result<(), NumberError> {
         let tick = self.seconds(self.substeps);
         let lines = points.each_ref().map(|point| SetPoint {
             position: point.position - point.velocity * tick,
             velocity: point.velocity,
-            acceleration: T::zero(),
+            acceleration: 0.0,
         });
         let duration = self.seconds(self.substeps);
         let (mut gaps, mut ways) = (self.gaps.clone(), self.ways);
@@ -144,11 +144,11 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         Ok(())
     }
 
-    fn set_out(&mut self, points: &[SetPoint<T>; J], length: u32) {
+    fn set_out(&mut self, points: &[SetPoint; J], length: u32) {
         self.to = *points;
         self.step = 0;
         self.length = length;
-        self.part = T::one() / T::of(f64::from(length));
+        self.part = 1.0 / f64::from(length);
         self.late = 0;
     }
 
@@ -159,7 +159,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// # Errors
     /// [`NumberError`] if the state is not finite or too far away; the joint stays where it is
     /// then.
-    pub fn join(&mut self, joint: usize, now: &SetPoint<T>) -> Result<(), NumberError> {
+    pub fn join(&mut self, joint: usize, now: &SetPoint) -> Result<(), NumberError> {
         let base = self.base();
         let (Some(onto), Some(bounds), Some(gap)) = (
             base.get(joint),
@@ -176,7 +176,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
 
     /// Advances by one servo period, and returns the new set-points of all joints.
     #[inline]
-    pub fn step(&mut self) -> [SetPoint<T>; J] {
+    pub fn step(&mut self) -> [SetPoint; J] {
         self.advance(1);
         self.set_points()
     }
@@ -193,7 +193,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     }
 
     #[cold]
-    fn go_on_in_gaps(&mut self, seconds: T) {
+    fn go_on_in_gaps(&mut self, seconds: f64) {
         for gap in &mut self.gaps {
             if let Some(Gap { way, at }) = gap {
                 *at += seconds;
@@ -208,7 +208,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// Returns the set-points of the present servo period.
     #[inline]
     #[must_use]
-    pub fn set_points(&self) -> [SetPoint<T>; J] {
+    pub fn set_points(&self) -> [SetPoint; J] {
         let mut points = self.base();
         if self.rejoining {
             self.add_gaps(&mut points);
@@ -218,7 +218,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
 
     /// Adds what is left of gaps to the motion of the ticks.
     #[cold]
-    fn add_gaps(&self, points: &mut [SetPoint<T>; J]) {
+    fn add_gaps(&self, points: &mut [SetPoint; J]) {
         for (point, gap) in points.iter_mut().zip(&self.gaps) {
             if let Some(Gap { way, at }) = gap {
                 let gap = way.at(*at);
@@ -229,25 +229,25 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         }
     }
 
-    fn seconds(&self, steps: u32) -> T {
-        T::of(f64::from(steps)) * self.period
+    fn seconds(&self, steps: u32) -> f64 {
+        f64::from(steps) * self.period
     }
 
     /// The motion of the ticks.
     #[inline(always)]
-    fn base(&self) -> [SetPoint<T>; J] {
+    fn base(&self) -> [SetPoint; J] {
         if self.late > 0 {
             return self.without_ticks();
         }
         if self.step == self.length {
             return self.to;
         }
-        let s = T::of(f64::from(self.step)) * self.part;
+        let s = f64::from(self.step) * self.part;
         self.ways.each_ref().map(|way| way.at(s))
     }
 
     /// The set-points after the last tick: the velocity is held for a while, and braked then.
-    fn without_ticks(&self) -> [SetPoint<T>; J] {
+    fn without_ticks(&self) -> [SetPoint; J] {
         let held = self.late.min(self.substeps);
         let (holding, braking) = (self.seconds(held), self.seconds(self.late - held));
         let mut points = self.to;
@@ -259,16 +259,16 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
 }
 
 /// The set-point after its velocity was held for `holding` and then braked for `braking`, in seconds.
-fn braked<T: Real>(
+fn braked(
     &SetPoint {
         position, velocity, ..
-    }: &SetPoint<T>,
-    bounds: &Bounds<T>,
-    holding: T,
-    braking: T,
-) -> SetPoint<T> {
+    }: &SetPoint,
+    bounds: &Bounds,
+    holding: f64,
+    braking: f64,
+) -> SetPoint {
     let position = position + velocity * holding;
-    let deceleration = if velocity > T::zero() {
+    let deceleration = if velocity > 0.0 {
         bounds.acceleration
     } else {
         -bounds.acceleration
@@ -276,30 +276,30 @@ fn braked<T: Real>(
     let over = abs(velocity / deceleration);
     let t = min(braking, over);
     let stands = !(braking < over);
-    let moves = braking > T::zero() && !stands;
+    let moves = braking > 0.0 && !stands;
     SetPoint {
-        position: position + (velocity - deceleration * t * real::<T>(0.5)) * t,
+        position: position + (velocity - deceleration * t * 0.5) * t,
         velocity: if stands {
-            T::zero()
+            0.0
         } else {
             velocity - deceleration * t
         },
-        acceleration: if moves { -deceleration } else { T::zero() },
+        acceleration: if moves { -deceleration } else { 0.0 },
     }
 }
 
 /// The number of a set-point with which a joint cannot follow it: its own if one is not finite, else that of the
 /// way to it.
 #[cold]
-fn refused<T: Real>(joint: usize, point: &SetPoint<T>, way: NumberError) -> NumberError {
+fn refused(joint: usize, point: &SetPoint, way: NumberError) -> NumberError {
     let own = finite("the position, rad,", point.position)
         .and_then(|()| finite("the velocity, rad/s,", point.velocity));
     own.err().unwrap_or(way).at(Subject::Joint(joint as u16))
 }
 
-impl<T: Real> PathPart<T> {
-    fn rest(position: T) -> Self {
-        let zero = T::zero();
+impl PathPart {
+    fn rest(position: f64) -> Self {
+        let zero = 0.0;
         Self {
             position: [position, zero, zero, zero],
             velocity: [zero; 3],
@@ -309,10 +309,10 @@ impl<T: Real> PathPart<T> {
 
     /// The cubic Hermite polynomial between two states, in a duration in s.
     #[inline(always)]
-    fn between(from: &SetPoint<T>, to: &SetPoint<T>, duration: T) -> Result<Self, NumberError> {
+    fn between(from: &SetPoint, to: &SetPoint, duration: f64) -> Result<Self, NumberError> {
         let [c0, c1, c2, c3] = Polynomial::cubic(from, to, duration)?.cubic_coefficients();
-        let hz = T::one() / duration;
-        let (d2, d3) = (c2 + c2, real::<T>(3.0) * c3);
+        let hz = 1.0 / duration;
+        let (d2, d3) = (c2 + c2, 3.0 * c3);
         Ok(Self {
             position: [c0, c1, c2, c3],
             velocity: [c1 * hz, d2 * hz, d3 * hz],
@@ -322,7 +322,7 @@ impl<T: Real> PathPart<T> {
 
     /// The state where this part of the time is over.
     #[inline(always)]
-    fn at(&self, s: T) -> SetPoint<T> {
+    fn at(&self, s: f64) -> SetPoint {
         let [c0, c1, c2, c3] = self.position;
         let [v0, v1, v2] = self.velocity;
         let [a0, a1] = self.acceleration;
@@ -334,21 +334,17 @@ impl<T: Real> PathPart<T> {
     }
 }
 
-impl<T: Real> Gap<T> {
+impl Gap {
     /// Closes what is between two states.
-    fn between(
-        now: &SetPoint<T>,
-        onto: &SetPoint<T>,
-        bounds: &Bounds<T>,
-    ) -> Result<Self, NumberError> {
+    fn between(now: &SetPoint, onto: &SetPoint, bounds: &Bounds) -> Result<Self, NumberError> {
         let gap = SetPoint {
             position: now.position - onto.position,
             velocity: now.velocity - onto.velocity,
-            acceleration: T::zero(),
+            acceleration: 0.0,
         };
         Ok(Self {
-            way: Segments::fastest(&gap, T::zero(), bounds)?,
-            at: T::zero(),
+            way: Segments::fastest(&gap, 0.0, bounds)?,
+            at: 0.0,
         })
     }
 }

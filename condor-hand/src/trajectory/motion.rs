@@ -77,9 +77,9 @@ struct Entry {
     #[serde(default)]
     on_end: OnEnd,
     #[serde(default = "Guards::none")]
-    start: Guards<f64>,
+    start: Guards,
     #[serde(default = "Guards::none")]
-    stop: Guards<f64>,
+    stop: Guards,
     #[serde(default)]
     to: Positions,
     #[serde(default)]

@@ -1,21 +1,21 @@
 //! The profile of one joint, whatever its shape.
 
 use super::{MAX_VIAS, Polynomial, ProfilePeaks, Segments, SetPoint, Spline};
-use crate::math::Real;
 
 /// The knots of a spline: the via points and both ends.
 pub(super) const KNOTS: usize = MAX_VIAS + 2;
 
 #[derive(Clone, Debug)]
-pub(super) enum Path<T: Real> {
-    Still(T),
-    Polynomial(Polynomial<T>),
-    Segments(Segments<T>),
-    Spline(Spline<T, KNOTS>),
+#[allow(clippy::large_enum_variant, reason = "nothing is allocated")]
+pub(super) enum Path {
+    Still(f64),
+    Polynomial(Polynomial),
+    Segments(Segments),
+    Spline(Spline<KNOTS>),
 }
 
-impl<T: Real> Path<T> {
-    pub(super) fn at(&self, t: T) -> SetPoint<T> {
+impl Path {
+    pub(super) fn at(&self, t: f64) -> SetPoint {
         match self {
             Self::Still(position) => SetPoint::rest(*position),
             Self::Polynomial(polynomial) => polynomial.at(t),
@@ -24,7 +24,7 @@ impl<T: Real> Path<T> {
         }
     }
 
-    pub(super) fn peaks(&self) -> ProfilePeaks<T> {
+    pub(super) fn peaks(&self) -> ProfilePeaks {
         match self {
             Self::Still(position) => ProfilePeaks::of(&SetPoint::rest(*position)),
             Self::Polynomial(polynomial) => polynomial.peaks(),
@@ -33,9 +33,9 @@ impl<T: Real> Path<T> {
         }
     }
 
-    pub(super) fn duration(&self) -> T {
+    pub(super) fn duration(&self) -> f64 {
         match self {
-            Self::Still(_) => T::zero(),
+            Self::Still(_) => 0.0,
             Self::Polynomial(polynomial) => polynomial.duration(),
             Self::Segments(segments) => segments.duration(),
             Self::Spline(spline) => spline.duration(),

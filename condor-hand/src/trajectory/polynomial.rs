@@ -1,6 +1,6 @@
 use super::root::{derivative, evaluate, sign_changes};
 use super::{ProfilePeaks, SetPoint};
-use crate::math::{Real, abs, clamp, real};
+use crate::math::{abs, clamp};
 use crate::number::{NumberError, finite, positive};
 
 /// The motion of one joint between two states, as a polynomial of time of degree 3 or 5.
@@ -14,26 +14,26 @@ use crate::number::{NumberError, finite, positive};
 /// # Ok::<_, condor_hand::NumberError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Polynomial<T: Real> {
-    coefficients: [T; 6],
-    duration: T,
+pub struct Polynomial {
+    coefficients: [f64; 6],
+    duration: f64,
     /// Position and velocity at the end, to the last digit.
-    end: (T, T),
+    end: (f64, f64),
 }
 
-impl<T: Real> Polynomial<T> {
+impl Polynomial {
     /// Makes the cubic Hermite polynomial from `start` to `end` in `duration` (s). It has the given
     /// positions and velocities at both ends; the given accelerations are ignored.
     ///
     /// # Errors
     /// [`NumberError`] if the duration in s is not above zero, or a number is not finite.
     #[inline]
-    pub fn cubic(start: &SetPoint<T>, end: &SetPoint<T>, duration: T) -> Result<Self, NumberError> {
+    pub fn cubic(start: &SetPoint, end: &SetPoint, duration: f64) -> Result<Self, NumberError> {
         let dx = end.position - start.position;
         let (w0, w1) = (start.velocity * duration, end.velocity * duration);
-        let zero = T::zero();
-        let c2 = real::<T>(3.0) * dx - real::<T>(2.0) * w0 - w1;
-        let c3 = w0 + w1 - real::<T>(2.0) * dx;
+        let zero = 0.0;
+        let c2 = 3.0 * dx - 2.0 * w0 - w1;
+        let c3 = w0 + w1 - 2.0 * dx;
         Self::checked([start.position, w0, c2, c3, zero, zero], duration, end)
     }
 
@@ -43,20 +43,15 @@ impl<T: Real> Polynomial<T> {
     ///
     /// # Errors
     /// [`NumberError`] if the duration in s is not above zero, or a number is not finite.
-    pub fn quintic(
-        start: &SetPoint<T>,
-        end: &SetPoint<T>,
-        duration: T,
-    ) -> Result<Self, NumberError> {
-        let k = real::<T>;
+    pub fn quintic(start: &SetPoint, end: &SetPoint, duration: f64) -> Result<Self, NumberError> {
         let dx = end.position - start.position;
         let (w0, w1) = (start.velocity * duration, end.velocity * duration);
         let square = duration * duration;
         let (b0, b1) = (start.acceleration * square, end.acceleration * square);
-        let half = k(0.5);
-        let c3 = (k(20.0) * dx - (k(8.0) * w1 + k(12.0) * w0) - (k(3.0) * b0 - b1)) * half;
-        let c4 = (k(14.0) * w1 + k(16.0) * w0 - k(30.0) * dx + (k(3.0) * b0 - k(2.0) * b1)) * half;
-        let c5 = (k(12.0) * dx - k(6.0) * (w1 + w0) + (b1 - b0)) * half;
+        let half = 0.5;
+        let c3 = (20.0 * dx - (8.0 * w1 + 12.0 * w0) - (3.0 * b0 - b1)) * half;
+        let c4 = (14.0 * w1 + 16.0 * w0 - 30.0 * dx + (3.0 * b0 - 2.0 * b1)) * half;
+        let c5 = (12.0 * dx - 6.0 * (w1 + w0) + (b1 - b0)) * half;
         Self::checked([start.position, w0, b0 * half, c3, c4, c5], duration, end)
     }
 
@@ -66,18 +61,16 @@ impl<T: Real> Polynomial<T> {
     ///
     /// # Errors
     /// [`NumberError`] if the duration in s is not above zero, or a number is not finite.
-    pub fn minimum_jerk(start: T, end: T, duration: T) -> Result<Self, NumberError> {
+    pub fn minimum_jerk(start: f64, end: f64, duration: f64) -> Result<Self, NumberError> {
         Self::quintic(&SetPoint::rest(start), &SetPoint::rest(end), duration)
     }
 
     #[inline]
-    fn checked(coefficients: [T; 6], duration: T, end: &SetPoint<T>) -> Result<Self, NumberError> {
+    fn checked(coefficients: [f64; 6], duration: f64, end: &SetPoint) -> Result<Self, NumberError> {
         positive("the duration, s,", duration)?;
         // Sums and derivatives of what is this small cannot overflow. A duration whose square
         // vanishes would make every acceleration infinite.
-        let largest = coefficients
-            .iter()
-            .fold(T::zero(), |sum, &c| sum + abs(c) * real::<T>(64.0));
+        let largest = coefficients.iter().fold(0.0, |sum, &c| sum + abs(c) * 64.0);
         // If the largest coefficient or the velocity is not finite, neither is the acceleration.
         finite(
             "the acceleration of the profile, rad/s²,",
@@ -92,14 +85,14 @@ impl<T: Real> Polynomial<T> {
 
     /// Returns the coefficients of a cubic, lowest power first.
     #[inline(always)]
-    pub(super) fn cubic_coefficients(&self) -> [T; 4] {
+    pub(super) fn cubic_coefficients(&self) -> [f64; 4] {
         let [c0, c1, c2, c3, _, _] = self.coefficients;
         [c0, c1, c2, c3]
     }
 
     /// Returns the duration of the motion, s.
     #[must_use]
-    pub fn duration(&self) -> T {
+    pub fn duration(&self) -> f64 {
         self.duration
     }
 
@@ -107,15 +100,15 @@ impl<T: Real> Polynomial<T> {
     /// is that of the beginning, and after the end that of the end.
     #[inline]
     #[must_use]
-    pub fn at(&self, t: T) -> SetPoint<T> {
-        let mut point = self.point(clamp(t / self.duration, T::zero(), T::one()));
+    pub fn at(&self, t: f64) -> SetPoint {
+        let mut point = self.point(clamp(t / self.duration, 0.0, 1.0));
         if t >= self.duration {
             (point.position, point.velocity) = self.end;
         }
         point
     }
 
-    fn point(&self, s: T) -> SetPoint<T> {
+    fn point(&self, s: f64) -> SetPoint {
         let first = derivative(&self.coefficients);
         let second = derivative(&first);
         SetPoint {
@@ -127,9 +120,9 @@ impl<T: Real> Polynomial<T> {
 
     /// Returns the extremes of position, velocity and acceleration during the motion.
     #[must_use]
-    pub fn peaks(&self) -> ProfilePeaks<T> {
-        let mut peaks = ProfilePeaks::of(&self.point(T::zero()));
-        peaks.include(&ProfilePeaks::of(&self.point(T::one())));
+    pub fn peaks(&self) -> ProfilePeaks {
+        let mut peaks = ProfilePeaks::of(&self.point(0.0));
+        peaks.include(&ProfilePeaks::of(&self.point(1.0)));
         let velocity = derivative(&self.coefficients);
         let acceleration = derivative(&velocity);
         let jerk = derivative(&acceleration);

@@ -4,7 +4,7 @@ use heapless::Vec;
 use thiserror::Error;
 
 use crate::Subject;
-use crate::math::{Real, abs, is_finite};
+use crate::math::{abs, is_finite};
 use crate::number::{NumberError, Requirement, check, finite, not_negative, positive};
 
 /// The greatest number of via points that a [`Primitive`] can have.
@@ -13,47 +13,47 @@ pub const MAX_VIAS: usize = 16;
 /// One motion of some of J joints, from their present state to rest at their targets. A
 /// [`Generator`](super::Generator) runs it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Primitive<const J: usize, T: Real = f64> {
+pub struct Primitive<const J: usize> {
     /// The joints that it moves: bit i is joint i.
     pub mask: u32,
     /// The target of each joint in the mask.
-    pub targets: [Target<T>; J],
+    pub targets: [Target; J],
     /// The duration or the speed.
-    pub pace: Pace<T>,
+    pub pace: Pace,
     /// The shape of the motion.
     pub profile: Profile,
     /// Points to pass without stopping; only with [`Profile::Cubic`].
-    pub vias: Vec<Via<J, T>, MAX_VIAS>,
+    pub vias: Vec<Via<J>, MAX_VIAS>,
     /// The condition under which its turn comes.
     pub begin: Begin,
     /// The time by which it may begin before the end of the primitive for which it waits, s.
-    pub blend: T,
+    pub blend: f64,
     /// The conditions of its start, when its turn has come: it begins as soon as one of them holds;
     /// without conditions, at once.
-    pub start: Guards<T>,
+    pub start: Guards,
     /// The conditions of its stop: it ends as soon as one of them holds.
-    pub stop: Guards<T>,
+    pub stop: Guards,
     /// The reaction to its end.
     pub on_end: OnEnd,
 }
 
 /// The target of a joint in a [`Primitive`]: a position, or a displacement.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub enum Target<T> {
+pub enum Target {
     /// The joint goes to this position, rad.
-    Absolute(T),
+    Absolute(f64),
     /// The joint goes by this displacement from its set-point at the start of the motion, rad.
-    Relative(T),
+    Relative(f64),
 }
 
 /// The pace of a [`Primitive`]: its duration, or its speed.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub enum Pace<T> {
+pub enum Pace {
     /// The motion takes this duration, s.
-    Duration(T),
+    Duration(f64),
     /// The joints move at this fraction (above 0, at most 1) of their limits of velocity; the joint
     /// that takes longest determines the duration.
-    Speed(T),
+    Speed(f64),
 }
 
 /// The shape of a motion in time: how its velocity grows and falls between start and end.
@@ -83,11 +83,11 @@ impl fmt::Display for Profile {
 
 /// A via point: positions that a motion passes without stopping, and the time at which it does so.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Via<const J: usize, T: Real = f64> {
+pub struct Via<const J: usize> {
     /// Its time as a fraction of the duration, above 0 and below 1.
-    pub at: T,
+    pub at: f64,
     /// The positions there, rad: absolute or relative as the target of the same joint.
-    pub positions: [T; J],
+    pub positions: [f64; J],
 }
 
 /// The condition under which the turn of a [`Primitive`] comes, once it is the first one in the
@@ -119,15 +119,15 @@ pub enum OnEnd {
 /// condition that holds is enough.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Guards<T> {
+pub struct Guards {
     /// The condition holds if the torque of any of its joints, to either side, is above this, N m;
     /// `None` means no such condition.
-    pub torque: Option<T>,
+    pub torque: Option<f64>,
     /// The condition holds if the tension of any tendon of its joints is above this, N; `None`
     /// means no such condition.
-    pub tension: Option<T>,
+    pub tension: Option<f64>,
     /// The condition holds when this time has passed, s; `None` means no such condition.
-    pub time: Option<T>,
+    pub time: Option<f64>,
     /// True if a contact of the finger of any of its joints is a condition.
     #[serde(default)]
     pub contact: bool,
@@ -158,29 +158,29 @@ pub enum MotionGuard {
 /// The sensor readings of one tick with which a [`Generator`](super::Generator) compares the
 /// conditions of primitives.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observations<const J: usize, T: Real = f64> {
+pub struct Observations<const J: usize> {
     /// Measured torque of each joint, N m.
-    pub torques: [T; J],
+    pub torques: [f64; J],
     /// The greater tension of the two tendons of each joint, N.
-    pub tensions: [T; J],
+    pub tensions: [f64; J],
     /// Bit i is set if the finger of joint i is in contact.
     pub contacts: u32,
 }
 
-impl<const J: usize, T: Real> Observations<J, T> {
+impl<const J: usize> Observations<J> {
     /// Returns observations in which nothing is measured: zero torques and tensions, and no
     /// contacts.
     #[must_use]
     pub fn none() -> Self {
         Self {
-            torques: [T::zero(); J],
-            tensions: [T::zero(); J],
+            torques: [0.0; J],
+            tensions: [0.0; J],
             contacts: 0,
         }
     }
 }
 
-impl<T: Real> Guards<T> {
+impl Guards {
     /// Returns guards without any condition.
     #[must_use]
     pub const fn none() -> Self {
@@ -200,8 +200,8 @@ impl<T: Real> Guards<T> {
     pub(super) fn holds<const J: usize>(
         &self,
         mask: u32,
-        elapsed: T,
-        seen: &Observations<J, T>,
+        elapsed: f64,
+        seen: &Observations<J>,
     ) -> Option<MotionGuard> {
         self.first(mask, elapsed, seen, |value, limit| value > limit)
     }
@@ -210,8 +210,8 @@ impl<T: Real> Guards<T> {
     pub(super) fn may_hold<const J: usize>(
         &self,
         mask: u32,
-        elapsed: T,
-        seen: &Observations<J, T>,
+        elapsed: f64,
+        seen: &Observations<J>,
     ) -> Option<MotionGuard> {
         self.first(mask, elapsed, seen, |value, limit| {
             !is_finite(value) || value > limit
@@ -221,9 +221,9 @@ impl<T: Real> Guards<T> {
     fn first<const J: usize>(
         &self,
         mask: u32,
-        elapsed: T,
-        seen: &Observations<J, T>,
-        above: impl Fn(T, T) -> bool,
+        elapsed: f64,
+        seen: &Observations<J>,
+        above: impl Fn(f64, f64) -> bool,
     ) -> Option<MotionGuard> {
         let values = seen.torques.iter().zip(&seen.tensions);
         for (joint, (&torque, &tension)) in values.enumerate() {
@@ -244,24 +244,24 @@ impl<T: Real> Guards<T> {
     }
 
     /// Returns true if the time has passed.
-    pub(super) fn is_over(&self, elapsed: T) -> bool {
+    pub(super) fn is_over(&self, elapsed: f64) -> bool {
         self.time.is_some_and(|time| elapsed >= time)
     }
 }
 
-impl<const J: usize, T: Real> Primitive<J, T> {
+impl<const J: usize> Primitive<J> {
     /// Makes a primitive that moves no joints yet; add them with [`with`](Self::with). It begins
     /// after the primitives before it, and has no conditions.
     #[must_use]
-    pub fn new(pace: Pace<T>, profile: Profile) -> Self {
+    pub fn new(pace: Pace, profile: Profile) -> Self {
         Self {
             mask: 0,
-            targets: [Target::Relative(T::zero()); J],
+            targets: [Target::Relative(0.0); J],
             pace,
             profile,
             vias: Vec::new(),
             begin: Begin::After,
-            blend: T::zero(),
+            blend: 0.0,
             start: Guards::none(),
             stop: Guards::none(),
             on_end: OnEnd::Next,
@@ -272,7 +272,7 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     ///
     /// # Errors
     /// [`MotionError::NoJoint`] if the joint does not exist.
-    pub fn with(mut self, joint: usize, target: Target<T>) -> Result<Self, MotionError> {
+    pub fn with(mut self, joint: usize, target: Target) -> Result<Self, MotionError> {
         let bit = u32::try_from(joint).ok().and_then(|n| 1_u32.checked_shl(n));
         let (Some(place), Some(bit)) = (self.targets.get_mut(joint), bit) else {
             return Err(MotionError::NoJoint { joint, joints: J });
@@ -283,7 +283,7 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     }
 
     /// The joints of the mask with their targets.
-    pub(super) fn joints(&self) -> impl Iterator<Item = (usize, Target<T>)> + '_ {
+    pub(super) fn joints(&self) -> impl Iterator<Item = (usize, Target)> + '_ {
         let all = self.targets.iter().copied().enumerate();
         all.filter(|(joint, _)| self.mask >> joint & 1 == 1)
     }
@@ -311,7 +311,7 @@ impl<const J: usize, T: Real> Primitive<J, T> {
         not_negative("the blend, s,", self.blend)?;
         for guards in [&self.start, &self.stop] {
             for limit in [guards.torque, guards.tension, guards.time] {
-                finite("the limit of a guard", limit.unwrap_or(T::zero()))?;
+                finite("the limit of a guard", limit.unwrap_or(0.0))?;
             }
         }
         if !self.vias.is_empty() && self.profile != Profile::Cubic {
@@ -319,15 +319,15 @@ impl<const J: usize, T: Real> Primitive<J, T> {
                 profile: self.profile,
             });
         }
-        let mut last = T::zero();
+        let mut last = 0.0;
         for (index, via) in self.vias.iter().enumerate() {
             let what = "the time, as a fraction of the duration,";
-            check(what, via.at, Requirement::Above(last.to_f64()))
+            check(what, via.at, Requirement::Above(last))
                 .and_then(|()| check(what, via.at, Requirement::Below(1.0)))
                 .map_err(|error| error.at(Subject::Via(index as u16)))?;
             last = via.at;
             for (joint, _) in self.joints() {
-                let value = via.positions.get(joint).copied().unwrap_or(T::zero());
+                let value = via.positions.get(joint).copied().unwrap_or(0.0);
                 check_goal(joint, value)?;
             }
         }
@@ -335,7 +335,7 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     }
 }
 
-fn check_goal<T: Real>(joint: usize, position: T) -> Result<(), NumberError> {
+fn check_goal(joint: usize, position: f64) -> Result<(), NumberError> {
     finite("the position, rad,", position).map_err(|error| error.at(Subject::Joint(joint as u16)))
 }
 

@@ -2,12 +2,12 @@
 
 use heapless::Vec;
 
-use crate::math::{Real, abs, max, real};
+use crate::math::{abs, max};
 
 /// The zero of a continuous function with `f(low) <= 0 <= f(high)`: the largest `x` found for which
 /// `f(x) <= 0`. Illinois' variant of the false position, with a bisection whenever it is slow.
-pub(super) fn bracketed<T: Real>(low: T, high: T, mut f: impl FnMut(T) -> T) -> T {
-    let half = real::<T>(0.5);
+pub(super) fn bracketed(low: f64, high: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
+    let half = 0.5;
     let (mut low, mut high) = (low, high);
     let (mut f_low, mut f_high) = (f(low), f(high));
     let mut width = high - low;
@@ -25,7 +25,7 @@ pub(super) fn bracketed<T: Real>(low: T, high: T, mut f: impl FnMut(T) -> T) -> 
             break;
         }
         let value = f(x);
-        if value > T::zero() {
+        if value > 0.0 {
             high = x;
             f_high = value;
             f_low *= half;
@@ -33,7 +33,7 @@ pub(super) fn bracketed<T: Real>(low: T, high: T, mut f: impl FnMut(T) -> T) -> 
             low = x;
             f_low = value;
             f_high *= half;
-            if value == T::zero() {
+            if value == 0.0 {
                 break;
             }
         }
@@ -43,8 +43,8 @@ pub(super) fn bracketed<T: Real>(low: T, high: T, mut f: impl FnMut(T) -> T) -> 
 
 /// The value of `c0 + c1 s + c2 s² ...`.
 #[inline]
-pub(super) fn evaluate<T: Real>(coefficients: &[T; 6], s: T) -> T {
-    let mut value = T::zero();
+pub(super) fn evaluate(coefficients: &[f64; 6], s: f64) -> f64 {
+    let mut value = 0.0;
     for &c in coefficients.iter().rev() {
         value = value * s + c;
     }
@@ -52,38 +52,27 @@ pub(super) fn evaluate<T: Real>(coefficients: &[T; 6], s: T) -> T {
 }
 
 /// The coefficients of the derivative.
-pub(super) fn derivative<T: Real>(coefficients: &[T; 6]) -> [T; 6] {
+pub(super) fn derivative(coefficients: &[f64; 6]) -> [f64; 6] {
     let [_, c1, c2, c3, c4, c5] = *coefficients;
-    [
-        c1,
-        real::<T>(2.0) * c2,
-        real::<T>(3.0) * c3,
-        real::<T>(4.0) * c4,
-        real::<T>(5.0) * c5,
-        T::zero(),
-    ]
+    [c1, 2.0 * c2, 3.0 * c3, 4.0 * c4, 5.0 * c5, 0.0]
 }
 
 /// The places where a polynomial of the given degree changes its sign within 0..=1.
 ///
 /// Between two neighbouring extremes there is at most one zero, so the zeros of the derivative
 /// bracket those of the polynomial.
-pub(super) fn sign_changes<T: Real>(coefficients: &[T; 6], degree: usize) -> Vec<T, 6> {
+pub(super) fn sign_changes(coefficients: &[f64; 6], degree: usize) -> Vec<f64, 6> {
     let mut found = Vec::new();
     if degree == 0 {
         return found;
     }
     let extremes = sign_changes(&derivative(coefficients), degree - 1);
-    let mut low = T::zero();
-    for high in extremes.iter().copied().chain([T::one()]) {
+    let mut low = 0.0;
+    for high in extremes.iter().copied().chain([1.0]) {
         let (at_low, at_high) = (evaluate(coefficients, low), evaluate(coefficients, high));
         let scale = max(abs(at_low), abs(at_high));
-        if scale > T::zero() && (at_low <= T::zero()) != (at_high <= T::zero()) {
-            let sign = if at_low <= T::zero() {
-                T::one()
-            } else {
-                -T::one()
-            };
+        if scale > 0.0 && (at_low <= 0.0) != (at_high <= 0.0) {
+            let sign = if at_low <= 0.0 { 1.0 } else { -1.0 };
             let zero = bracketed(low, high, |s| sign * evaluate(coefficients, s));
             // One more zero than the degree cannot be.
             let _ = found.push(zero);

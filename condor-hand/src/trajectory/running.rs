@@ -6,21 +6,21 @@
 
 use super::path::Path;
 use super::{Guards, MotionEnd, MotionTicket, OnEnd, ProfileLimits, SetPoint};
-use crate::math::{Real, abs, clamp, max, real};
+use crate::math::{abs, clamp, max};
 use crate::number::tolerance;
 
 #[derive(Clone, Debug)]
-pub(super) struct Running<T> {
+pub(super) struct Running {
     pub(super) ticket: MotionTicket,
     pub(super) mask: u32,
     /// Time on the path, s.
-    pub(super) at: T,
+    pub(super) at: f64,
     /// Seconds of the path per second.
-    pub(super) rate: T,
-    pub(super) duration: T,
+    pub(super) rate: f64,
+    pub(super) duration: f64,
     /// Ticks since the start.
     pub(super) ticks: u32,
-    pub(super) stop: Guards<T>,
+    pub(super) stop: Guards,
     pub(super) on_end: OnEnd,
     /// The reason why it stops; `None` if it does not stop.
     pub(super) ending: Option<MotionEnd>,
@@ -33,19 +33,19 @@ pub(super) struct Running<T> {
 
 /// A joint: its present set-point, and the path of whatever moves it.
 #[derive(Clone, Debug)]
-pub(super) struct Mover<T: Real> {
-    pub(super) state: SetPoint<T>,
-    pub(super) path: Path<T>,
-    pub(super) limits: ProfileLimits<T>,
+pub(super) struct Mover {
+    pub(super) state: SetPoint,
+    pub(super) path: Path,
+    pub(super) limits: ProfileLimits,
     /// The number of the motion that moves it, or moved it last; 0 for none.
     pub(super) motion: u32,
     /// A servo has stopped it in that motion.
     pub(super) is_stopped: bool,
 }
 
-impl<T: Real> Mover<T> {
+impl Mover {
     /// Rests at a position, without any motion.
-    pub(super) fn rest(&mut self, position: T) {
+    pub(super) fn rest(&mut self, position: f64) {
         self.state = SetPoint::rest(position);
         self.path = Path::Still(position);
         self.motion = 0;
@@ -59,7 +59,7 @@ const GREATEST_CHANGE: f64 = 0.25;
 /// The number of times that the change is halved before the rate is left alone for this tick.
 const HALVINGS: u8 = 40;
 
-impl<T: Real> Running<T> {
+impl Running {
     pub(super) fn moves(&self, joint: usize) -> bool {
         self.mask >> joint & 1 == 1
     }
@@ -70,21 +70,21 @@ impl<T: Real> Running<T> {
     }
 
     /// The rest of the path at full rate, s.
-    pub(super) fn remaining(&self) -> T {
-        max(self.duration - self.at, T::zero())
+    pub(super) fn remaining(&self) -> f64 {
+        max(self.duration - self.at, 0.0)
     }
 
     /// Moves the joints by one tick; the reason once it has ended.
     pub(super) fn advance<const J: usize>(
         &mut self,
-        joints: &mut [Mover<T>; J],
-        tick: T,
+        joints: &mut [Mover; J],
+        tick: f64,
         paused: bool,
     ) -> Option<MotionEnd> {
         let goal = if paused || self.ending.is_some() {
-            T::zero()
+            0.0
         } else {
-            T::one()
+            1.0
         };
         let change = self.change(joints, tick, goal);
         let next = self.after(change, tick);
@@ -111,30 +111,30 @@ impl<T: Real> Running<T> {
         if over {
             return Some(self.ending.unwrap_or(self.outcome));
         }
-        self.ending.filter(|_| self.rate == T::zero())
+        self.ending.filter(|_| self.rate == 0.0)
     }
 
     /// The time on the path and the rate after a tick in which the rate changes evenly.
-    fn after(&self, change: T, tick: T) -> (T, T) {
-        let rate = clamp(self.rate + change, T::zero(), T::one());
-        let mean = (self.rate + rate) * real::<T>(0.5);
+    fn after(&self, change: f64, tick: f64) -> (f64, f64) {
+        let rate = clamp(self.rate + change, 0.0, 1.0);
+        let mean = (self.rate + rate) * 0.5;
         (self.at + mean * tick, rate)
     }
 
     /// The greatest change of the rate towards `goal` that all joints can follow.
-    fn change<const J: usize>(&self, joints: &[Mover<T>; J], tick: T, goal: T) -> T {
-        let greatest = real::<T>(GREATEST_CHANGE);
+    fn change<const J: usize>(&self, joints: &[Mover; J], tick: f64, goal: f64) -> f64 {
+        let greatest = GREATEST_CHANGE;
         let mut change = clamp(goal - self.rate, -greatest, greatest);
         for _ in 0..HALVINGS {
-            if change == T::zero() || self.allows(joints, tick, change) {
+            if change == 0.0 || self.allows(joints, tick, change) {
                 return change;
             }
-            change *= real::<T>(0.5);
+            change *= 0.5;
         }
-        T::zero()
+        0.0
     }
 
-    fn allows<const J: usize>(&self, joints: &[Mover<T>; J], tick: T, change: T) -> bool {
+    fn allows<const J: usize>(&self, joints: &[Mover; J], tick: f64, change: f64) -> bool {
         let slope = change / tick;
         let next = self.after(change, tick);
         joints.iter().enumerate().all(|(joint, mover)| {
@@ -148,6 +148,6 @@ impl<T: Real> Running<T> {
     }
 }
 
-fn acceleration<T: Real>(point: &SetPoint<T>, rate: T, slope: T) -> T {
+fn acceleration(point: &SetPoint, rate: f64, slope: f64) -> f64 {
     point.acceleration * rate * rate + point.velocity * slope
 }

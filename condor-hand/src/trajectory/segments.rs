@@ -1,18 +1,18 @@
 use super::root::bracketed;
 use super::{ProfilePeaks, SetPoint, check_rates};
-use crate::math::{Real, abs, clamp, max, min, real, sqrt};
+use crate::math::{abs, clamp, max, min, sqrt};
 use crate::number::{NumberError, Requirement, check, finite};
 
 /// The greatest velocity, acceleration and jerk of a joint in a motion of [`Segments`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds<T> {
+pub struct Bounds {
     /// The greatest speed to either side, rad/s.
-    pub velocity: T,
+    pub velocity: f64,
     /// The greatest acceleration to either side, rad/s².
-    pub acceleration: T,
+    pub acceleration: f64,
     /// The greatest jerk to either side, rad/s³; with `None` the acceleration may jump: a trapezoid
     /// of velocity.
-    pub jerk: Option<T>,
+    pub jerk: Option<f64>,
 }
 
 /// The motion of one joint to rest at a position, as up to seven segments of constant jerk: a
@@ -20,36 +20,36 @@ pub struct Bounds<T> {
 ///
 /// The joint first changes to one velocity, then keeps it, and at the end changes to zero velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Segments<T: Real> {
-    start: SetPoint<T>,
-    pieces: [Piece<T>; 7],
-    end: T,
-    duration: T,
+pub struct Segments {
+    start: SetPoint,
+    pieces: [Piece; 7],
+    end: f64,
+    duration: f64,
 }
 
 /// One segment: its duration, the acceleration it begins with, and its jerk.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Piece<T> {
-    duration: T,
-    acceleration: T,
-    jerk: T,
+struct Piece {
+    duration: f64,
+    acceleration: f64,
+    jerk: f64,
 }
 
-impl<T: Real> Piece<T> {
+impl Piece {
     fn nothing() -> Self {
         Self {
-            duration: T::zero(),
-            acceleration: T::zero(),
-            jerk: T::zero(),
+            duration: 0.0,
+            acceleration: 0.0,
+            jerk: 0.0,
         }
     }
 
     /// The state `t` seconds after this one, in this segment.
     #[inline]
-    fn after(&self, state: &SetPoint<T>, t: T) -> SetPoint<T> {
+    fn after(&self, state: &SetPoint, t: f64) -> SetPoint {
         let acceleration = self.acceleration + self.jerk * t;
-        let mean = (self.acceleration + acceleration) * real::<T>(0.5);
-        let cubic = self.acceleration * real::<T>(0.5) + self.jerk * t * real::<T>(1.0 / 6.0);
+        let mean = (self.acceleration + acceleration) * 0.5;
+        let cubic = self.acceleration * 0.5 + self.jerk * t * (1.0 / 6.0);
         SetPoint {
             position: state.position + (state.velocity + cubic * t) * t,
             velocity: state.velocity + mean * t,
@@ -57,24 +57,24 @@ impl<T: Real> Piece<T> {
         }
     }
 
-    fn end(&self, state: &SetPoint<T>) -> SetPoint<T> {
+    fn end(&self, state: &SetPoint) -> SetPoint {
         self.after(state, self.duration)
     }
 }
 
-impl<T: Real> Bounds<T> {
+impl Bounds {
     fn check(&self) -> Result<(), NumberError> {
-        let jerk = self.jerk.unwrap_or(T::one());
+        let jerk = self.jerk.unwrap_or(1.0);
         check_rates(self.velocity, self.acceleration, jerk)
     }
 
     /// The fastest change of velocity to `to` with no acceleration at its end.
-    fn change(&self, velocity: T, acceleration: T, to: T) -> [Piece<T>; 3] {
+    fn change(&self, velocity: f64, acceleration: f64, to: f64) -> [Piece; 3] {
         let nothing = Piece::nothing();
-        let half = real::<T>(0.5);
+        let half = 0.5;
         let Some(jerk) = self.jerk else {
             let dv = to - velocity;
-            let acceleration = if dv < T::zero() {
+            let acceleration = if dv < 0.0 {
                 -self.acceleration
             } else {
                 self.acceleration
@@ -84,7 +84,7 @@ impl<T: Real> Bounds<T> {
                 Piece {
                     duration,
                     acceleration,
-                    jerk: T::zero(),
+                    jerk: 0.0,
                 },
                 nothing,
                 nothing,
@@ -92,28 +92,28 @@ impl<T: Real> Bounds<T> {
         };
         let dv = to - velocity;
         let along = if dv < acceleration * abs(acceleration) * half / jerk {
-            -T::one()
+            -1.0
         } else {
-            T::one()
+            1.0
         };
         let (rise, first) = (dv * along, acceleration * along);
         // The area under the acceleration is `(peak² - first²) / 2j + peak² / 2j`.
         let mut peak = sqrt(jerk * rise + first * first * half);
-        let mut flat = T::zero();
+        let mut flat = 0.0;
         if peak > self.acceleration {
             peak = self.acceleration;
             flat = (rise - (peak * peak - first * first * half) / jerk) / peak;
         }
         [
             Piece {
-                duration: max((peak - first) / jerk, T::zero()),
+                duration: max((peak - first) / jerk, 0.0),
                 acceleration,
                 jerk: along * jerk,
             },
             Piece {
-                duration: max(flat, T::zero()),
+                duration: max(flat, 0.0),
                 acceleration: along * peak,
-                jerk: T::zero(),
+                jerk: 0.0,
             },
             Piece {
                 duration: peak / jerk,
@@ -124,11 +124,11 @@ impl<T: Real> Bounds<T> {
     }
 
     /// The acceleration from which the velocity bound can still be kept.
-    fn admissible(&self, start: &SetPoint<T>) -> T {
+    fn admissible(&self, start: &SetPoint) -> f64 {
         let Some(jerk) = self.jerk else {
-            return T::zero();
+            return 0.0;
         };
-        let twice = real::<T>(2.0) * jerk;
+        let twice = 2.0 * jerk;
         let up = sqrt(twice * (self.velocity - start.velocity));
         let down = sqrt(twice * (self.velocity + start.velocity));
         clamp(
@@ -140,35 +140,35 @@ impl<T: Real> Bounds<T> {
 }
 
 /// A start at position zero whose end lies in the positive direction from where braking ends.
-struct Case<'a, T: Real> {
-    bounds: &'a Bounds<T>,
-    velocity: T,
-    acceleration: T,
-    distance: T,
+struct Case<'a> {
+    bounds: &'a Bounds,
+    velocity: f64,
+    acceleration: f64,
+    distance: f64,
 }
 
 /// The distance and the time to reach a velocity and then to brake to rest.
-struct Via<T> {
-    distance: T,
-    duration: T,
+struct Via {
+    distance: f64,
+    duration: f64,
 }
 
-impl<T: Real> Case<'_, T> {
-    fn pieces(&self, peak: T) -> ([Piece<T>; 3], [Piece<T>; 3]) {
+impl Case<'_> {
+    fn pieces(&self, peak: f64) -> ([Piece; 3], [Piece; 3]) {
         (
             self.bounds.change(self.velocity, self.acceleration, peak),
-            self.bounds.change(peak, T::zero(), T::zero()),
+            self.bounds.change(peak, 0.0, 0.0),
         )
     }
 
-    fn via(&self, peak: T) -> Via<T> {
+    fn via(&self, peak: f64) -> Via {
         let (first, last) = self.pieces(peak);
         let mut state = SetPoint {
-            position: T::zero(),
+            position: 0.0,
             velocity: self.velocity,
-            acceleration: T::zero(),
+            acceleration: 0.0,
         };
-        let mut duration = T::zero();
+        let mut duration = 0.0;
         for piece in first.iter().chain(&last) {
             state = piece.end(&state);
             duration += piece.duration;
@@ -180,39 +180,38 @@ impl<T: Real> Case<'_, T> {
     }
 
     /// The velocity at which jerk alone takes the acceleration away.
-    fn natural(&self) -> T {
+    fn natural(&self) -> f64 {
         let Some(jerk) = self.bounds.jerk else {
             return self.velocity;
         };
-        self.velocity + self.acceleration * abs(self.acceleration) / (real::<T>(2.0) * jerk)
+        self.velocity + self.acceleration * abs(self.acceleration) / (2.0 * jerk)
     }
 
     /// The velocity to reach for the end to be just met.
-    fn fastest(&self) -> T {
+    fn fastest(&self) -> f64 {
         let limit = self.bounds.velocity;
-        let short = |peak: T| self.via(peak).distance - self.distance;
-        if !(short(limit) > T::zero()) {
+        let short = |peak: f64| self.via(peak).distance - self.distance;
+        if !(short(limit) > 0.0) {
             return limit;
         }
-        let natural = clamp(self.natural(), T::zero(), limit);
-        if short(natural) > T::zero() {
-            bracketed(T::zero(), natural, short)
+        let natural = clamp(self.natural(), 0.0, limit);
+        if short(natural) > 0.0 {
+            bracketed(0.0, natural, short)
         } else {
             bracketed(natural, limit, short)
         }
     }
 
     /// The velocity to keep for the end to be met after exactly `duration`, up to `fastest`.
-    fn lasting(&self, duration: T, fastest: T) -> T {
-        if self.bounds.jerk.is_none() && self.velocity == T::zero() {
+    fn lasting(&self, duration: f64, fastest: f64) -> f64 {
+        if self.bounds.jerk.is_none() && self.velocity == 0.0 {
             // The smaller root of `v² - a T v + a d = 0`, in the form that keeps all digits.
-            let square =
-                duration * duration - real::<T>(4.0) * self.distance / self.bounds.acceleration;
-            let peak = real::<T>(2.0) * self.distance / (duration + sqrt(square));
+            let square = duration * duration - 4.0 * self.distance / self.bounds.acceleration;
+            let peak = 2.0 * self.distance / (duration + sqrt(square));
             return min(peak, fastest);
         }
         // In the form `(time left) * v - (way left)`, which has no pole at rest.
-        bracketed(T::zero(), fastest, |peak| {
+        bracketed(0.0, fastest, |peak| {
             let via = self.via(peak);
             (duration - via.duration) * peak - (self.distance - via.distance)
         })
@@ -220,16 +219,16 @@ impl<T: Real> Case<'_, T> {
 }
 
 /// A motion from a state to rest, of which only the velocity to keep is open.
-struct Way<'a, T: Real> {
-    start: SetPoint<T>,
-    end: T,
+struct Way<'a> {
+    start: SetPoint,
+    end: f64,
     /// The direction of the motion: 1 or -1. The numbers of the case are along it.
-    along: T,
-    case: Case<'a, T>,
+    along: f64,
+    case: Case<'a>,
 }
 
-impl<'a, T: Real> Way<'a, T> {
-    fn new(start: &SetPoint<T>, end: T, bounds: &'a Bounds<T>) -> Result<Self, NumberError> {
+impl<'a> Way<'a> {
+    fn new(start: &SetPoint, end: f64, bounds: &'a Bounds) -> Result<Self, NumberError> {
         bounds.check()?;
         let delta = end - start.position;
         finite("the distance to go, rad,", delta)?;
@@ -242,10 +241,10 @@ impl<'a, T: Real> Way<'a, T> {
             acceleration,
             distance: delta,
         };
-        let along = if delta < case.via(T::zero()).distance {
-            -T::one()
+        let along = if delta < case.via(0.0).distance {
+            -1.0
         } else {
-            T::one()
+            1.0
         };
         case.velocity *= along;
         case.acceleration *= along;
@@ -263,7 +262,7 @@ impl<'a, T: Real> Way<'a, T> {
     }
 
     /// The motion that keeps the velocity `peak`, and so lasts `duration`.
-    fn with(&self, peak: T, duration: T) -> Result<Segments<T>, NumberError> {
+    fn with(&self, peak: f64, duration: f64) -> Result<Segments, NumberError> {
         let (first, last) = self.case.pieces(peak);
         let cruise = Piece {
             duration: self.case.cruise(peak),
@@ -295,7 +294,7 @@ impl<'a, T: Real> Way<'a, T> {
     }
 }
 
-impl<T: Real> Segments<T> {
+impl Segments {
     /// Makes the motion from any state to rest at `end`, independently of other joints.
     ///
     /// Without a bound of jerk this is the fastest possible motion; the acceleration at the start
@@ -309,7 +308,7 @@ impl<T: Real> Segments<T> {
     ///
     /// # Errors
     /// [`NumberError`] if a number is not finite, or a bound is not above zero.
-    pub fn fastest(start: &SetPoint<T>, end: T, bounds: &Bounds<T>) -> Result<Self, NumberError> {
+    pub fn fastest(start: &SetPoint, end: f64, bounds: &Bounds) -> Result<Self, NumberError> {
         let way = Way::new(start, end, bounds)?;
         let peak = way.case.fastest();
         way.with(peak, way.case.total(peak))
@@ -323,32 +322,32 @@ impl<T: Real> Segments<T> {
     /// [`NumberError`] if a number is not finite, a bound is not above zero, or the duration is below that of the
     /// fastest motion.
     pub fn lasting(
-        start: &SetPoint<T>,
-        end: T,
-        bounds: &Bounds<T>,
-        duration: T,
+        start: &SetPoint,
+        end: f64,
+        bounds: &Bounds,
+        duration: f64,
     ) -> Result<Option<Self>, NumberError> {
         let way = Way::new(start, end, bounds)?;
         let case = &way.case;
         let fastest = case.fastest();
         let least = case.total(fastest);
         // Rounding must not refuse the slowest of several joints its own duration.
-        let slack = duration * real::<T>(16.0) * T::default_epsilon();
-        let must = Requirement::AtLeast(least.to_f64());
+        let slack = duration * 16.0 * f64::EPSILON;
+        let must = Requirement::AtLeast(least);
         check("the duration, s,", duration + slack, must).map_err(|error| NumberError {
-            value: duration.to_f64(),
+            value: duration,
             ..error
         })?;
         if duration <= least + slack {
             return way.with(fastest, least).map(Some);
         }
-        let zero = T::zero();
+        let zero = 0.0;
         if case.distance == zero && case.velocity == zero && case.acceleration == zero {
             return way.with(zero, duration).map(Some);
         }
         let peak = case.lasting(duration, fastest);
         let total = case.total(peak);
-        let tolerance = duration * sqrt(T::default_epsilon());
+        let tolerance = duration * sqrt(f64::EPSILON);
         if !(abs(total - duration) <= tolerance) {
             return Ok(None);
         }
@@ -357,7 +356,7 @@ impl<T: Real> Segments<T> {
 
     /// Returns the duration of the motion, s; zero if it starts at its end.
     #[must_use]
-    pub fn duration(&self) -> T {
+    pub fn duration(&self) -> f64 {
         self.duration
     }
 
@@ -365,17 +364,17 @@ impl<T: Real> Segments<T> {
     /// rests at the end position.
     #[inline]
     #[must_use]
-    pub fn at(&self, t: T) -> SetPoint<T> {
+    pub fn at(&self, t: f64) -> SetPoint {
         if !(t < self.duration) {
             return SetPoint::rest(self.end);
         }
-        let mut left = max(t, T::zero());
+        let mut left = max(t, 0.0);
         let mut state = self.start;
         for piece in &self.pieces {
             if left < piece.duration {
                 return piece.after(&state, left);
             }
-            if piece.duration > T::zero() {
+            if piece.duration > 0.0 {
                 state = piece.end(&state);
                 left -= piece.duration;
             }
@@ -386,30 +385,30 @@ impl<T: Real> Segments<T> {
 
     /// Returns the extremes of position, velocity and acceleration during the motion.
     #[must_use]
-    pub fn peaks(&self) -> ProfilePeaks<T> {
+    pub fn peaks(&self) -> ProfilePeaks {
         let mut peaks = ProfilePeaks::of(&self.start);
         peaks.include(&ProfilePeaks::of(&SetPoint::rest(self.end)));
         let mut state = self.start;
         for piece in &self.pieces {
-            if !(piece.duration > T::zero()) {
+            if !(piece.duration > 0.0) {
                 continue;
             }
-            let beginning = piece.after(&state, T::zero());
+            let beginning = piece.after(&state, 0.0);
             let end = piece.end(&state);
             peaks.include(&ProfilePeaks::of(&beginning));
             peaks.include(&ProfilePeaks::of(&end));
             // The places where acceleration, or velocity, is zero within the segment.
-            let half = real::<T>(0.5);
+            let half = 0.5;
             let (a, j) = (piece.acceleration, piece.jerk);
-            let turn = sqrt(a * a - real::<T>(2.0) * j * state.velocity);
-            let q = -(a + if a < T::zero() { -turn } else { turn });
+            let turn = sqrt(a * a - 2.0 * j * state.velocity);
+            let q = -(a + if a < 0.0 { -turn } else { turn });
             for t in [
                 -a / j,
                 q / j,
                 state.velocity / (q * half),
                 half * piece.duration,
             ] {
-                if t > T::zero() && t < piece.duration {
+                if t > 0.0 && t < piece.duration {
                     peaks.include(&ProfilePeaks::of(&piece.after(&state, t)));
                 }
             }
@@ -419,19 +418,19 @@ impl<T: Real> Segments<T> {
     }
 }
 
-impl<T: Real> Case<'_, T> {
-    fn cruise(&self, peak: T) -> T {
+impl Case<'_> {
+    fn cruise(&self, peak: f64) -> f64 {
         let left = self.distance - self.via(peak).distance;
         // A remaining distance from rounding is not worth a time.
-        let noise = T::default_epsilon() * real::<T>(8.0) * abs(self.distance);
-        if peak > T::zero() && left > noise {
+        let noise = f64::EPSILON * 8.0 * abs(self.distance);
+        if peak > 0.0 && left > noise {
             left / peak
         } else {
-            T::zero()
+            0.0
         }
     }
 
-    fn total(&self, peak: T) -> T {
+    fn total(&self, peak: f64) -> f64 {
         self.via(peak).duration + self.cruise(peak)
     }
 }

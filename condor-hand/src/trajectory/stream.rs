@@ -2,21 +2,20 @@ use heapless::Deque;
 use thiserror::Error;
 
 use super::{Polynomial, ProfileLimits, SetPoint, check_start};
-use crate::Real;
 use crate::decimal::Decimal;
-use crate::math::{abs, clamp, real};
+use crate::math::{abs, clamp};
 use crate::number::{NumberError, Requirement, check_motion, positive, tolerance};
 
 /// A point of a [`JointStream`]: the positions and velocities that the joints must have at a time.
 /// Values of joints that are not in the mask of the stream are ignored.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StreamPoint<const J: usize, T: Real = f64> {
+pub struct StreamPoint<const J: usize> {
     /// The time since the start of the stream, s.
-    pub time: T,
+    pub time: f64,
     /// The positions, rad.
-    pub positions: [T; J],
+    pub positions: [f64; J],
     /// The velocities, rad/s.
-    pub velocities: [T; J],
+    pub velocities: [f64; J],
 }
 
 /// The way in which a stream has ended. Its joints are at rest then.
@@ -134,10 +133,10 @@ impl StreamQuantity {
 
 /// The joints brake, each as fast as it can.
 #[derive(Clone, Copy, Debug)]
-struct Brake<const J: usize, T: Real> {
+struct Brake<const J: usize> {
     /// Since this time of the stream, s.
-    since: T,
-    from: [SetPoint<T>; J],
+    since: f64,
+    from: [SetPoint; J],
     end: StreamEnd,
 }
 
@@ -168,13 +167,13 @@ struct Brake<const J: usize, T: Real> {
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct JointStream<const J: usize, const N: usize, T: Real = f64> {
+pub struct JointStream<const J: usize, const N: usize> {
     mask: u32,
-    limits: [ProfileLimits<T>; J],
-    tick: T,
+    limits: [ProfileLimits; J],
+    tick: f64,
     /// The point that was passed last.
-    former: StreamPoint<J, T>,
-    points: Deque<StreamPoint<J, T>, N>,
+    former: StreamPoint<J>,
+    points: Deque<StreamPoint<J>, N>,
     /// The number of the next batch.
     next: u32,
     /// Whether the last point has come.
@@ -183,12 +182,12 @@ pub struct JointStream<const J: usize, const N: usize, T: Real = f64> {
     ticks: u32,
     /// Ticks for which it waits for the first batch.
     patience: u32,
-    state: [SetPoint<T>; J],
-    brake: Option<Brake<J, T>>,
+    state: [SetPoint; J],
+    brake: Option<Brake<J>>,
     end: Option<StreamEnd>,
 }
 
-impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
+impl<const J: usize, const N: usize> JointStream<J, N> {
     /// Makes a stream that moves the joints in `mask` (bit *i* is joint *i*).
     ///
     /// * `limits`: the limits of each joint.
@@ -200,9 +199,9 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     /// [`NumberError`] if a limit is wrong, or a number is not finite.
     pub fn new(
         mask: u32,
-        limits: [ProfileLimits<T>; J],
-        positions: [T; J],
-        tick_s: T,
+        limits: [ProfileLimits; J],
+        positions: [f64; J],
+        tick_s: f64,
         patience: u32,
     ) -> Result<Self, NumberError> {
         const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
@@ -216,9 +215,9 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
             limits,
             tick: tick_s,
             former: StreamPoint {
-                time: T::zero(),
+                time: 0.0,
                 positions,
-                velocities: [T::zero(); J],
+                velocities: [0.0; J],
             },
             points: Deque::new(),
             next: 0,
@@ -241,7 +240,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     pub fn push(
         &mut self,
         sequence: u32,
-        points: &[StreamPoint<J, T>],
+        points: &[StreamPoint<J>],
         is_last: bool,
     ) -> Result<(), JointStreamError> {
         if sequence < self.next {
@@ -266,11 +265,11 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
             }
         }
         if count > N - self.points.len() {
-            let until = self.until().to_f64();
+            let until = self.until();
             return Err(JointStreamError::Full { until });
         }
         if is_last {
-            let time = former.time.to_f64();
+            let time = former.time;
             let rest = Requirement::AtMost(0.0);
             for (joint, limits) in self.limits.iter().enumerate() {
                 if self.moves(joint) {
@@ -305,7 +304,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
 
     /// Runs one tick, and returns the new set-points of all joints. Joints that are not in the mask
     /// keep their positions.
-    pub fn tick(&mut self) -> [SetPoint<T>; J] {
+    pub fn tick(&mut self) -> [SetPoint; J] {
         if self.end.is_some() {
             return self.state;
         }
@@ -333,7 +332,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
                     *place = SetPoint {
                         position,
                         velocity,
-                        acceleration: T::zero(),
+                        acceleration: 0.0,
                     };
                 }
             }
@@ -374,40 +373,40 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
 
     /// Returns the set-points of the last tick.
     #[must_use]
-    pub fn set_points(&self) -> [SetPoint<T>; J] {
+    pub fn set_points(&self) -> [SetPoint; J] {
         self.state
     }
 
     /// Returns the time since the stream began with its first batch, s; zero before that.
     #[must_use]
-    pub fn time(&self) -> T {
-        T::of(f64::from(self.ticks)) * self.tick
+    pub fn time(&self) -> f64 {
+        f64::from(self.ticks) * self.tick
     }
 
     /// Returns the time until which the stream has points: the time of its last point, s since the
     /// start of the stream.
     #[must_use]
-    pub fn until(&self) -> T {
+    pub fn until(&self) -> f64 {
         self.last().time
     }
 
     /// The last point that it has.
-    fn last(&self) -> &StreamPoint<J, T> {
+    fn last(&self) -> &StreamPoint<J> {
         self.points.back().unwrap_or(&self.former)
     }
 
     /// Returns true if a point has the time of the one before it.
-    fn repeats(&self, from: &StreamPoint<J, T>, to: &StreamPoint<J, T>) -> bool {
+    fn repeats(&self, from: &StreamPoint<J>, to: &StreamPoint<J>) -> bool {
         abs(to.time - from.time) <= tolerance(self.tick)
     }
 
     /// Checks that a point with the time of the one before it agrees with that one.
     fn check_repeated(
         &self,
-        from: &StreamPoint<J, T>,
-        to: &StreamPoint<J, T>,
+        from: &StreamPoint<J>,
+        to: &StreamPoint<J>,
     ) -> Result<(), JointStreamError> {
-        let time = to.time.to_f64();
+        let time = to.time;
         for (joint, limits) in self.limits.iter().enumerate() {
             if self.moves(joint) {
                 let (from, to) = (from.at(joint), to.at(joint));
@@ -438,12 +437,8 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     }
 
     /// Checks that all joints can go from one point to a later one, and brake there.
-    fn check(
-        &self,
-        from: &StreamPoint<J, T>,
-        to: &StreamPoint<J, T>,
-    ) -> Result<(), JointStreamError> {
-        let (time, after) = (to.time.to_f64(), from.time.to_f64());
+    fn check(&self, from: &StreamPoint<J>, to: &StreamPoint<J>) -> Result<(), JointStreamError> {
+        let (time, after) = (to.time, from.time);
         if !Requirement::Above(after).holds(time) {
             return Err(JointStreamError::Time { time, after });
         }
@@ -457,7 +452,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     }
 
     /// The set-points between two points.
-    fn follow(&mut self, now: T) {
+    fn follow(&mut self, now: f64) {
         let Some(to) = self.points.front() else {
             return;
         };
@@ -475,7 +470,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     }
 
     /// The set-points while it brakes.
-    fn slow(&mut self, brake: &Brake<J, T>, now: T) {
+    fn slow(&mut self, brake: &Brake<J>, now: f64) {
         let elapsed = now - brake.since;
         let mut rests = true;
         for (joint, (state, from)) in self.state.iter_mut().zip(&brake.from).enumerate() {
@@ -487,14 +482,14 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
                 continue;
             };
             let stop = abs(from.velocity) / limits.acceleration;
-            let time = clamp(elapsed, T::zero(), stop);
-            let braking = if from.velocity < T::zero() {
+            let time = clamp(elapsed, 0.0, stop);
+            let braking = if from.velocity < 0.0 {
                 limits.acceleration
             } else {
                 -limits.acceleration
             };
             let velocity = from.velocity + braking * time;
-            let mean = (from.velocity + velocity) * real::<T>(0.5);
+            let mean = (from.velocity + velocity) * 0.5;
             let position = clamp(from.position + mean * time, limits.low, limits.high);
             *state = if elapsed >= stop {
                 SetPoint::rest(position)
@@ -513,13 +508,13 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     }
 }
 
-impl<const J: usize, T: Real> StreamPoint<J, T> {
-    fn at(&self, joint: usize) -> SetPoint<T> {
-        let of = |all: &[T; J]| all.get(joint).copied().unwrap_or(T::zero());
+impl<const J: usize> StreamPoint<J> {
+    fn at(&self, joint: usize) -> SetPoint {
+        let of = |all: &[f64; J]| all.get(joint).copied().unwrap_or(0.0);
         SetPoint {
             position: of(&self.positions),
             velocity: of(&self.velocities),
-            acceleration: T::zero(),
+            acceleration: 0.0,
         }
     }
 }
@@ -549,30 +544,30 @@ impl Excess {
 }
 
 /// Checks a number of a joint that moves, whose limits are about `scale` apart.
-fn check_quantity<T: Real>(
+fn check_quantity(
     quantity: StreamQuantity,
-    value: T,
+    value: f64,
     must: Requirement,
-    scale: T,
+    scale: f64,
 ) -> Result<(), Excess> {
     check_motion(quantity.name(), value, must, scale).map_err(|_| Excess {
         quantity,
-        value: value.to_f64(),
+        value,
         must,
     })
 }
 
 /// Checks that a joint can go from one state to the next one in a time (s), and brake there.
-fn check_joint<T: Real>(
-    limits: &ProfileLimits<T>,
-    from: &SetPoint<T>,
-    to: &SetPoint<T>,
-    duration: T,
+fn check_joint(
+    limits: &ProfileLimits,
+    from: &SetPoint,
+    to: &SetPoint,
+    duration: f64,
 ) -> Result<(), Excess> {
-    let least = Requirement::AtLeast(limits.low.to_f64());
-    let most = Requirement::AtMost(limits.high.to_f64());
-    let fastest = Requirement::AtMost(limits.velocity.to_f64());
-    let hardest = Requirement::AtMost(limits.acceleration.to_f64());
+    let least = Requirement::AtLeast(limits.low);
+    let most = Requirement::AtMost(limits.high);
+    let fastest = Requirement::AtMost(limits.velocity);
+    let hardest = Requirement::AtMost(limits.acceleration);
     let range = limits.high - limits.low;
     check_quantity(StreamQuantity::Position, to.position, least, range)?;
     check_quantity(StreamQuantity::Position, to.position, most, range)?;
@@ -582,13 +577,13 @@ fn check_joint<T: Real>(
         fastest,
         limits.velocity,
     )?;
-    let braking = to.velocity * abs(to.velocity) * real::<T>(0.5) / limits.acceleration;
+    let braking = to.velocity * abs(to.velocity) * 0.5 / limits.acceleration;
     let rest = to.position + braking;
     check_quantity(StreamQuantity::PositionAfterBraking, rest, least, range)?;
     check_quantity(StreamQuantity::PositionAfterBraking, rest, most, range)?;
     let path = Polynomial::cubic(from, to, duration).map_err(|_| Excess {
         quantity: StreamQuantity::Duration,
-        value: duration.to_f64(),
+        value: duration,
         must: Requirement::Above(0.0),
     })?;
     let peaks = path.peaks();
@@ -609,8 +604,7 @@ fn check_joint<T: Real>(
 }
 
 /// Checks that a number is equal to its former value.
-fn agrees<T: Real>(quantity: StreamQuantity, is: T, was: T, scale: T) -> Result<(), Excess> {
-    let was = was.to_f64();
+fn agrees(quantity: StreamQuantity, is: f64, was: f64, scale: f64) -> Result<(), Excess> {
     check_quantity(quantity, is, Requirement::AtLeast(was), scale)?;
     check_quantity(quantity, is, Requirement::AtMost(was), scale)
 }

@@ -24,17 +24,6 @@ fn a_constant_passes_unchanged_from_the_first_sample() {
 }
 
 #[test]
-fn a_step_settles_at_its_height_in_32_bits_too() {
-    let mut one_pole = LowPass::new([Some(2.0_f32)], 400.0).unwrap();
-    one_pole.update(&[0.0]);
-    let mut last = 0.0;
-    for _ in 0..4000 {
-        last = one_pole.update(&[100.0])[0];
-    }
-    assert!((last - 100.0).abs() < 1e-3, "{last}");
-}
-
-#[test]
 fn a_lag_has_decayed_to_one_over_e_after_its_time() {
     // 1 / (2 pi fc) is a hundred samples.
     let mut one_pole = LowPass::new([Some(HZ / (200.0 * std::f64::consts::PI))], HZ).unwrap();
@@ -110,8 +99,8 @@ proptest! {
 
 #[test]
 fn states_never_become_denormal() {
-    let mut filter = LowPass::<f32, 1>::new([Some(5.0)], 400.0).unwrap();
-    let mut derivative = Derivative::<f32, 1>::new([5.0], 400.0).unwrap();
+    let mut filter = LowPass::new([Some(5.0)], 400.0).unwrap();
+    let mut derivative = Derivative::new([5.0], 400.0).unwrap();
     filter.update(&[1.0]);
     derivative.update(&[1.0]);
     let mut last = (filter.update(&[0.0]), derivative.update(&[2.0]));

@@ -46,7 +46,7 @@ fn posture() -> Vector4<f64> {
     Vector4::new(0.1, 0.6, 0.8, 0.7)
 }
 
-fn sensed(tensions: TendonPairs<f64, 4>) -> FingerReadings<f64, 4> {
+fn sensed(tensions: TendonPairs<f64, 4>) -> FingerReadings<4> {
     FingerReadings {
         position: posture(),
         tension: tensions,

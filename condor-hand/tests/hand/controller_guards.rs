@@ -19,7 +19,7 @@ struct Rig {
     hand: Hand<4, 4>,
     controller: FingerController<PlanarFinger, 4>,
     guards: [StopGuard; 4],
-    sensed: FingerReadings<f64, 4>,
+    sensed: FingerReadings<4>,
     ticks: u32,
     former: [f64; 4],
 }
@@ -56,7 +56,7 @@ impl Rig {
     }
 
     /// The master's set-point of a joint a tick of the master from now.
-    fn wanted(&self, joint: usize) -> SetPoint<f64> {
+    fn wanted(&self, joint: usize) -> SetPoint {
         SetPoint {
             position: START[joint] + RATE * f64::from(self.ticks + 8) * PERIOD_S,
             velocity: RATE,

@@ -10,10 +10,10 @@
 
 use std::ops::{Mul, Sub};
 
+use condor_hand::Pose;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion};
 use condor_hand::math::max;
-use condor_hand::{Pose, Real};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, Vector3, Vector4};
 use proptest::prelude::*;
 
@@ -34,7 +34,7 @@ where
 }
 
 /// The frame of each link, in the palm.
-fn frames<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>) -> [Pose; N] {
+fn frames<const N: usize>(chain: &Chain<N>, q: &Joints<N>) -> [Pose; N] {
     let mut frame = *chain.base();
     std::array::from_fn(|i| {
         let joint = &chain.joints()[i];
@@ -51,7 +51,7 @@ fn frames<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>) -> [Pose; N] {
     })
 }
 
-fn potential<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>, gravity: &Vector3<f64>) -> f64 {
+fn potential<const N: usize>(chain: &Chain<N>, q: &Joints<N>, gravity: &Vector3<f64>) -> f64 {
     let frames = frames(chain, q);
     let bodies = frames.iter().zip(chain.bodies());
     bodies
@@ -60,7 +60,7 @@ fn potential<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>, gravity: &Vec
 }
 
 /// The mass matrix, from how far each joint moves and turns each body.
-fn mass_from_places<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>) -> SMatrix<f64, N, N> {
+fn mass_from_places<const N: usize>(chain: &Chain<N>, q: &Joints<N>) -> SMatrix<f64, N, N> {
     let here = frames(chain, q);
     let mut velocities = [SMatrix::<f64, 3, N>::zeros(); N];
     let mut rates = velocities;
@@ -89,13 +89,13 @@ fn mass_from_places<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>) -> SMa
     mass
 }
 
-fn kinetic<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>, qd: &Joints<N>) -> f64 {
+fn kinetic<const N: usize>(chain: &Chain<N>, q: &Joints<N>, qd: &Joints<N>) -> f64 {
     0.5 * qd.dot(&(mass_from_places(chain, q) * qd))
 }
 
 /// Lagrange's equations: what each coordinate takes for this motion.
 fn lagrange<const N: usize>(
-    chain: &Chain<f64, N>,
+    chain: &Chain<N>,
     q: &Joints<N>,
     qd: &Joints<N>,
     qdd: &Joints<N>,
@@ -159,7 +159,7 @@ fn bodies() -> impl Strategy<Value = ChainBody> {
     )
 }
 
-fn chains<const N: usize>() -> impl Strategy<Value = Chain<f64, N>> {
+fn chains<const N: usize>() -> impl Strategy<Value = Chain<N>> {
     let joint =
         (poses(), motions()).prop_map(|(placement, motion)| ChainJoint { placement, motion });
     let joints = prop::array::uniform(joint);
@@ -173,7 +173,7 @@ fn moves(joint: &ChainJoint) -> bool {
 }
 
 fn follow_from_lagrange<const N: usize>(
-    chain: &Chain<f64, N>,
+    chain: &Chain<N>,
     [q, qd, qdd]: [Joints<N>; 3],
     gravity: &Vector3<f64>,
 ) -> Result<(), TestCaseError> {
@@ -248,49 +248,11 @@ proptest! {
         prop_assert_eq!(of(7.0), (taken, caused));
         prop_assert_eq!(chain.mass_matrix(&q).row(1).amax(), 0.0);
     }
-
-    #[test]
-    fn single_precision_is_near(
-        chain in chains::<7>(), q in vectors(3.0), qd in vectors(3.0), qdd in vectors(30.0),
-        gravity in in_space(10.0),
-    ) {
-        let torque = chain.inverse_dynamics(&q, &qd, &qdd, &gravity);
-        let found = single(&chain)
-            .inverse_dynamics(&q.cast(), &qd.cast(), &qdd.cast(), &gravity.cast());
-        let difference = (found.cast::<f64>() - torque).amax();
-        prop_assert!(difference < 1e-5 * (1.0 + torque.amax()), "{} {}", found, torque);
-    }
-}
-
-fn single<const N: usize>(chain: &Chain<f64, N>) -> Chain<f32, N> {
-    let vector = |v: Vector3<f64>| v.map(f32::of);
-    let pose = |pose: &Pose| Pose {
-        rotation: pose.rotation.map(f32::of),
-        position: vector(pose.position),
-    };
-    Chain::new(
-        pose(chain.base()),
-        chain.joints().each_ref().map(|joint| ChainJoint {
-            placement: pose(&joint.placement),
-            motion: match joint.motion {
-                ChainMotion::Revolute(axis) => ChainMotion::Revolute(vector(axis)),
-                ChainMotion::Prismatic(axis) => ChainMotion::Prismatic(vector(axis)),
-                ChainMotion::Fixed => ChainMotion::Fixed,
-            },
-        }),
-        chain.bodies().each_ref().map(|body| ChainBody {
-            mass: f32::of(body.mass),
-            center: vector(body.center),
-            inertia: body.inertia.map(f32::of),
-        }),
-        vector(*chain.tip_point()),
-    )
-    .unwrap()
 }
 
 /// One step of the classical Runge-Kutta method.
 fn step<const N: usize>(
-    model: &impl Dynamics<f64, N>,
+    model: &impl Dynamics<N>,
     (q, qd): (Joints<N>, Joints<N>),
     torque: &Joints<N>,
     gravity: &Vector3<f64>,
@@ -313,8 +275,8 @@ fn step<const N: usize>(
 
 /// The energy of a motion under constant torques grows by their work, and by nothing else.
 fn keeps_energy<const N: usize>(
-    model: &impl Dynamics<f64, N>,
-    chain: &Chain<f64, N>,
+    model: &impl Dynamics<N>,
+    chain: &Chain<N>,
     start: Joints<N>,
     torque: &Joints<N>,
     steps: u32,
@@ -338,7 +300,7 @@ fn keeps_energy<const N: usize>(
 #[test]
 fn a_finger_that_falls_keeps_its_energy() {
     let hand = geometry();
-    let (finger, chain) = (hand.finger::<f64>(3), hand.chain::<f64>(3));
+    let (finger, chain) = (hand.finger(3), hand.chain(3));
     let start = Vector4::new(0.1, 0.4, 0.3, 0.2);
     for torque in [Vector4::zeros(), Vector4::new(1e-4, 2e-3, -1e-3, 2e-4)] {
         keeps_energy(&finger, &chain, start, &torque, 2000, 1e-4);

@@ -14,7 +14,7 @@ use condor_hand::{NumberError, Subject};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 
-fn limits() -> FaultLimits<f64, 2> {
+fn limits() -> FaultLimits<2> {
     let tendon = TendonFaultLimits {
         sensor: SensorFaultLimits {
             lost_samples: 2,
@@ -104,10 +104,10 @@ fn good() -> Seen {
     }
 }
 
-struct Monitor(FingerMonitor<f64, 2>);
+struct Monitor(FingerMonitor<2>);
 
 impl Monitor {
-    fn new(limits: &FaultLimits<f64, 2>) -> Self {
+    fn new(limits: &FaultLimits<2>) -> Self {
         Self(FingerMonitor::new(*limits).unwrap())
     }
 

@@ -8,7 +8,7 @@
 use condor_hand::dynamics::DriveDynamics;
 use nalgebra::Vector2;
 
-fn drive() -> DriveDynamics<f64, 2> {
+fn drive() -> DriveDynamics<2> {
     DriveDynamics {
         viscous: Vector2::new(2e-3, 0.0),
         coulomb: Vector2::new(0.0, 0.03),

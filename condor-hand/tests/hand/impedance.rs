@@ -77,7 +77,7 @@ const MODES: [ServoMode; 6] = [
 /// In the middle of the joints' ranges, rad.
 const POSTURE: [f64; 4] = [0.1, 0.6, 0.8, 0.7];
 
-fn impedance(position: f64, stiffness: f64, damping: f64) -> JointTarget<f64> {
+fn impedance(position: f64, stiffness: f64, damping: f64) -> JointTarget {
     JointTarget::Impedance {
         position,
         stiffness,
@@ -100,7 +100,7 @@ impl Bench {
         }
     }
 
-    fn give(&mut self, joint: usize, target: JointTarget<f64>) {
+    fn give(&mut self, joint: usize, target: JointTarget) {
         self.controller.set_target(joint, target).unwrap();
     }
 

@@ -2,11 +2,11 @@
 //! form's own chain, and against finite differences.
 
 use crate::support::{self, FINGERS, geometry, joints, reference, vector};
+use condor_hand::Pose;
 use condor_hand::kinematics::{
     Chain, ChainBody, ChainJoint, ChainMotion, Jacobian, Kinematics, PlanarFinger,
 };
 use condor_hand::math::sin_cos;
-use condor_hand::{Pose, Real};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector4};
 use proptest::prelude::*;
 use serde::Deserialize;
@@ -43,8 +43,8 @@ fn assert_same<const R: usize, const C: usize>(
 }
 
 fn assert_same_tip<const N: usize>(
-    ours: &(Pose, Jacobian<f64, N>),
-    theirs: &(Pose, Jacobian<f64, N>),
+    ours: &(Pose, Jacobian<N>),
+    theirs: &(Pose, Jacobian<N>),
     tolerance: f64,
 ) {
     assert_same(&ours.0.position, &theirs.0.position, tolerance);
@@ -66,25 +66,9 @@ fn tips_and_jacobians_are_those_of_pinocchio() {
             };
             let jacobian = SMatrix::from_fn(|row, column| theirs.J[row][column]);
             let finger: PlanarFinger = geometry.finger(index);
-            let chain: Chain<f64, 4> = geometry.chain(index);
+            let chain: Chain<4> = geometry.chain(index);
             assert_same_tip(&finger.kinematics(&q), &(tip, jacobian), 1e-12);
             assert_same_tip(&chain.kinematics(&q), &(tip, jacobian), 1e-12);
-        }
-    }
-}
-
-#[test]
-fn the_tips_of_single_precision_are_right_to_a_micrometre() {
-    let geometry = geometry();
-    let Cases { cases } = reference("kinematics.json");
-    for case in &cases {
-        for (index, theirs) in case.finger.iter().enumerate() {
-            let q = joints(&case.q, index).map(f32::of);
-            let finger: PlanarFinger<f32> = geometry.finger(index);
-            let chain: Chain<f32, 4> = geometry.chain(index);
-            for tip in [finger.tip(&q), chain.tip(&q)] {
-                assert_same(&tip.position.map(f64::from), &vector(theirs.p), 1e-6);
-            }
         }
     }
 }
@@ -131,12 +115,9 @@ fn a_bent_finger_is_where_the_equations_put_it() {
 
 /// The derivative of the tip by central differences: exact to about the cube root of the rounding,
 /// squared.
-fn differences<const N: usize>(
-    mechanism: &impl Kinematics<f64, N>,
-    q: &SVector<f64, N>,
-) -> Jacobian<f64, N> {
+fn differences<const N: usize>(mechanism: &impl Kinematics<N>, q: &SVector<f64, N>) -> Jacobian<N> {
     let h = 1e-5;
-    let mut columns = Jacobian::<f64, N>::zeros();
+    let mut columns = Jacobian::<N>::zeros();
     for joint in 0..N {
         let (mut above, mut below) = (*q, *q);
         above[joint] += h;
@@ -165,7 +146,7 @@ fn placed(x: f64, y: f64, z: f64, axis: Vector3<f64>, angle: f64) -> Pose {
 }
 
 /// A thumb with two skew axes at its root, a twist, and one place without a joint.
-fn thumb() -> Chain<f64, 5> {
+fn thumb() -> Chain<5> {
     let revolute = |placement, axis: Vector3<f64>| ChainJoint {
         placement,
         motion: ChainMotion::Revolute(axis.normalize()),
@@ -192,7 +173,7 @@ fn thumb() -> Chain<f64, 5> {
 }
 
 /// An arm on a rail: one joint that slides, and six that turn.
-fn arm() -> Chain<f64, 7> {
+fn arm() -> Chain<7> {
     let axes = [
         Vector3::new(0.6, 0.0, 0.8),
         Vector3::z(),
@@ -266,7 +247,7 @@ fn self_motion_counts_the_joints_that_move() {
         placement: Pose::identity(),
         motion: ChainMotion::Prismatic(axis),
     };
-    let rails = Chain::<f64, 2>::new(
+    let rails = Chain::<2>::new(
         Pose::identity(),
         [slide(Vector3::x()), slide(-Vector3::x())],
         [ChainBody::massless(); 2],

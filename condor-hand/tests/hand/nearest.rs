@@ -13,7 +13,7 @@ use nalgebra::{SVector, Vector3};
 use proptest::prelude::*;
 
 /// Three turning joints about different axes and a sliding one.
-fn chain() -> Chain<f64, 4> {
+fn chain() -> Chain<4> {
     let joint = |x: f64, motion| ChainJoint {
         placement: Pose::at(x, 0.0, 0.01),
         motion,
@@ -32,7 +32,7 @@ fn chain() -> Chain<f64, 4> {
     .unwrap()
 }
 
-fn limits() -> JointLimits<f64, 4> {
+fn limits() -> JointLimits<4> {
     let upper = SVector::from([1.2, 1.5, 0.04, 1.4]);
     JointLimits::new(-upper, upper).unwrap()
 }
@@ -46,7 +46,7 @@ fn shares() -> impl Strategy<Value = [f64; 4]> {
 }
 
 /// Checks what the answer says of itself, and that no free joint moves the tip nearer.
-fn check(nearest: &Nearest<f64, 4>, target: &Vector3<f64>) -> Result<(), TestCaseError> {
+fn check(nearest: &Nearest<4>, target: &Vector3<f64>) -> Result<(), TestCaseError> {
     let (tip, jacobian) = chain().kinematics(&nearest.posture);
     let error = target - tip.position;
     prop_assert_eq!(nearest.distance, error.norm());

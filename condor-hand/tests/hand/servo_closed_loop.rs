@@ -28,7 +28,7 @@ fn run<P: rig::Plant>(rig: &mut Rig<P>, seconds: f64) {
     }
 }
 
-fn give(rig: &mut Rig<Simulated>, finger: usize, joint: usize, target: JointTarget<f64>) {
+fn give(rig: &mut Rig<Simulated>, finger: usize, joint: usize, target: JointTarget) {
     rig.fingers[finger].set_target(joint, target).unwrap();
 }
 

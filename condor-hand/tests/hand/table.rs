@@ -74,7 +74,7 @@ impl Rig {
     }
 }
 
-fn stroke(profile: Profile, pace: Pace<f64>, to: [f64; AXES]) -> Primitive<AXES> {
+fn stroke(profile: Profile, pace: Pace, to: [f64; AXES]) -> Primitive<AXES> {
     let mut motion = Primitive::new(pace, profile);
     for (axis, to) in to.into_iter().enumerate() {
         motion = motion.with(axis, Target::Absolute(to)).unwrap();

@@ -5,7 +5,6 @@
     reason = "the tests say where a number is exactly another"
 )]
 
-use condor_hand::Real;
 use condor_hand::tendon::{
     AllocatedTensions, MomentArms, Pair, Rectification, TendonPairs, TensionAllocation,
 };
@@ -15,22 +14,19 @@ use serde::Deserialize;
 
 const MIN_N: f64 = 4.0;
 const MAX_N: f64 = 130.0;
-const HARD: Rectification<f64> = Rectification::Hard;
-const SMOOTH: Rectification<f64> = Rectification::Smooth { softness_n: 3.0 };
+const HARD: Rectification = Rectification::Hard;
+const SMOOTH: Rectification = Rectification::Smooth { softness_n: 3.0 };
 
-fn pair<T: Real>(flexor: f64, extensor: f64) -> Pair<T> {
-    Pair {
-        flexor: T::of(flexor),
-        extensor: T::of(extensor),
-    }
+fn pair(flexor: f64, extensor: f64) -> Pair<f64> {
+    Pair { flexor, extensor }
 }
 
-fn opposite<T: Real>(arm: f64) -> Pair<T> {
+fn opposite(arm: f64) -> Pair<f64> {
     pair(arm, -arm)
 }
 
 /// Antagonists cross each joint on opposite sides with the same arm.
-fn symmetric<T: Real>() -> MomentArms<T, 4> {
+fn symmetric() -> MomentArms<4> {
     let none = pair(0.0, 0.0);
     let [first, second, third, last] = [0.0127, 0.0127, 0.0095, 0.008].map(opposite);
     MomentArms::new([
@@ -43,20 +39,18 @@ fn symmetric<T: Real>() -> MomentArms<T, 4> {
 }
 
 /// Co-contraction of the last joint loads the two before it.
-fn asymmetric() -> MomentArms<f64, 4> {
+fn asymmetric() -> MomentArms<4> {
     let mut rows = *symmetric().rows();
     rows[1][3] = pair(0.006, -0.0085);
     rows[2][3] = pair(0.008, 0.003);
     MomentArms::new(rows).unwrap()
 }
 
-fn everywhere<T: Real, const N: usize>(
-    rectification: Rectification<T>,
-) -> [TensionAllocation<T>; N] {
+fn everywhere<const N: usize>(rectification: Rectification) -> [TensionAllocation; N] {
     [TensionAllocation {
         rectification,
-        min_n: T::of(MIN_N),
-        max_n: T::of(MAX_N),
+        min_n: MIN_N,
+        max_n: MAX_N,
     }; N]
 }
 
@@ -67,7 +61,7 @@ fn total(tensions: &TendonPairs<f64, 4>) -> f64 {
         .sum()
 }
 
-fn check_numbers(arms: &MomentArms<f64, 4>, expected: [f64; 8]) {
+fn check_numbers(arms: &MomentArms<4>, expected: [f64; 8]) {
     let torque = Vector4::new(0.1, 0.5, -0.2, 0.05);
     let allocated = arms.allocate(&torque, &everywhere(SMOOTH));
     for (tension, expected) in allocated.tensions.iter().zip(expected.chunks(2)) {
@@ -151,7 +145,7 @@ fn hard_rectification_is_optimal_where_antagonists_are_opposite() {
 
 #[test]
 fn saturation_takes_co_contraction_first_and_then_says_what_is_left() {
-    let arms = MomentArms::<f64, 1>::new([[opposite(0.01)]]).unwrap();
+    let arms = MomentArms::<1>::new([[opposite(0.01)]]).unwrap();
     let stiff = everywhere(Rectification::Mean {
         co_contraction_n: 100.0,
     });
@@ -194,7 +188,7 @@ fn the_mean_is_kept_where_the_torque_allows() {
     let mean = Rectification::Mean {
         co_contraction_n: 20.0,
     };
-    let arms = MomentArms::<f64, 1>::new([[pair(0.012, -0.008)]]).unwrap();
+    let arms = MomentArms::<1>::new([[pair(0.012, -0.008)]]).unwrap();
     for torque in [-0.1, 0.0, 0.1] {
         let [tension] = arms
             .allocate(&SVector::from([torque]), &everywhere(mean))
@@ -238,7 +232,7 @@ fn a_torque_that_is_not_finite_leaves_all_at_their_minimum() {
 
 #[test]
 fn allocations_say_what_is_wrong_with_them() {
-    let [good] = everywhere::<f64, 1>(SMOOTH);
+    let [good] = everywhere(SMOOTH);
     assert_eq!(good.check(), Ok(()));
     let crossed = TensionAllocation {
         min_n: 140.0,
@@ -264,19 +258,7 @@ fn allocations_say_what_is_wrong_with_them() {
     );
 }
 
-#[test]
-fn numbers_of_32_bits_suffice() {
-    let arms = symmetric::<f32>();
-    let rectification = Rectification::Smooth { softness_n: 3.0 };
-    for step in -20..=20_i8 {
-        let torque = Vector4::new(0.1, 0.5, -0.2, 0.05) * (f32::from(step) / 20.0);
-        let allocated = arms.allocate(&torque, &everywhere(rectification));
-        assert_eq!(allocated.saturated, 0);
-        assert!((arms.torque(&allocated.tensions) - torque).amax() < 1e-5);
-    }
-}
-
-fn rectifications() -> impl Strategy<Value = Rectification<f64>> {
+fn rectifications() -> impl Strategy<Value = Rectification> {
     prop_oneof![
         Just(HARD),
         (0.0..140.0).prop_map(|co_contraction_n| Rectification::Mean { co_contraction_n }),
@@ -285,7 +267,7 @@ fn rectifications() -> impl Strategy<Value = Rectification<f64>> {
 }
 
 /// Any block-triangular arms, with unequal own ones, and an allocation for each joint.
-fn fingers() -> impl Strategy<Value = (MomentArms<f64, 4>, [TensionAllocation<f64>; 4])> {
+fn fingers() -> impl Strategy<Value = (MomentArms<4>, [TensionAllocation; 4])> {
     let own = || (0.003..0.02_f64, 0.003..0.02_f64);
     let crossing = prop::collection::vec(-0.015..0.015_f64, 12);
     let allocation = || {
@@ -320,7 +302,7 @@ fn torques(largest: f64) -> impl Strategy<Value = Vector4<f64>> {
     [(); 4].map(|()| -largest..largest).prop_map(Vector4::from)
 }
 
-fn within(allocated: &AllocatedTensions<f64, 4>, allocation: &[TensionAllocation<f64>; 4]) -> bool {
+fn within(allocated: &AllocatedTensions<4>, allocation: &[TensionAllocation; 4]) -> bool {
     allocated
         .tensions
         .iter()

@@ -12,7 +12,7 @@ const HZ: f64 = 400.0;
 const MAX_N: f64 = 130.0;
 const ACTUATOR_HZ: f64 = 20.0;
 
-fn gains(kt: f64) -> TensionGains<f64> {
+fn gains(kt: f64) -> TensionGains {
     TensionGains {
         kt,
         ki: 0.0,
@@ -22,7 +22,7 @@ fn gains(kt: f64) -> TensionGains<f64> {
 }
 
 /// One servo.
-struct Servo(TensionServos<f64, 1>);
+struct Servo(TensionServos<1>);
 
 impl Servo {
     fn update(&mut self, desired: f64, measured: f64, length_rate: f64) -> f64 {
@@ -31,7 +31,7 @@ impl Servo {
     }
 }
 
-fn servo(gains: TensionGains<f64>) -> Servo {
+fn servo(gains: TensionGains) -> Servo {
     Servo(TensionServos::new([gains], MAX_N, HZ).unwrap())
 }
 

@@ -64,7 +64,7 @@ pub const ALL: usize = FINGERS * JOINTS;
 pub type RobotDescription = condor_hand::config::Hand<FINGERS, JOINTS>;
 
 /// The mechanism of a finger: any chain of joints.
-pub type Mechanism = condor_hand::kinematics::Chain<f64, JOINTS>;
+pub type Mechanism = condor_hand::kinematics::Chain<JOINTS>;
 
 /// The name of the file with the compiled configuration, which each program reads through the file service.
 pub const IMAGE: &str = "hand.image";

@@ -280,7 +280,7 @@ fn rates(hand: &RobotDescription) -> impl Iterator<Item = Number<f64>> {
 }
 
 /// The limits of all joints of the hand, which has as many.
-fn limits(hand: &RobotDescription) -> [ProfileLimits<f64>; ALL] {
+fn limits(hand: &RobotDescription) -> [ProfileLimits; ALL] {
     let mut limits = [ProfileLimits {
         low: -1.0,
         high: 1.0,

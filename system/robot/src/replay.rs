@@ -208,7 +208,7 @@ impl Servos for ReplayedControllers {
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<f64, JOINTS>,
+        sensed: &FingerReadings<JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Option<FingerTick<JOINTS>> {

@@ -270,7 +270,7 @@ impl Player {
     }
 
     /// Makes the set-points of the tick after so many others.
-    fn tick(&mut self, before: usize) -> [SetPoint<f64>; ALL] {
+    fn tick(&mut self, before: usize) -> [SetPoint; ALL] {
         let waiting = self.motions.get(self.fed..).unwrap_or(&[]).iter().cloned();
         let (fed, result) = self.generator.feed(waiting, &mut self.tickets);
         self.fed += fed as usize;
@@ -348,10 +348,10 @@ impl Player {
 /// The dynamics of a finger: the torques that a motion takes, and the tendons that produce them.
 struct Model<const JOINTS: usize> {
     joints: usize,
-    chain: Chain<f64, JOINTS>,
-    drive: DriveDynamics<f64, JOINTS>,
-    arms: MomentArms<f64, JOINTS>,
-    allocation: [TensionAllocation<f64>; JOINTS],
+    chain: Chain<JOINTS>,
+    drive: DriveDynamics<JOINTS>,
+    arms: MomentArms<JOINTS>,
+    allocation: [TensionAllocation; JOINTS],
     gravity: Vector3<f64>,
 }
 
@@ -373,11 +373,8 @@ impl<const JOINTS: usize> Model<JOINTS> {
     }
 
     /// Returns the torques that set-points take in free space, N m, and the tensions for them.
-    fn loads(
-        &self,
-        points: &[SetPoint<f64>],
-    ) -> (SVector<f64, JOINTS>, AllocatedTensions<f64, JOINTS>) {
-        let each = |part: fn(&SetPoint<f64>) -> f64| {
+    fn loads(&self, points: &[SetPoint]) -> (SVector<f64, JOINTS>, AllocatedTensions<JOINTS>) {
+        let each = |part: fn(&SetPoint) -> f64| {
             SVector::from_fn(|joint, _| points.get(joint).map_or(0.0, part))
         };
         let q = each(|point| point.position);

@@ -1,22 +1,22 @@
 use nalgebra::{SMatrix, SVector};
 
-use crate::math::{Real, is_finite};
+use crate::math::is_finite;
 
 /// The factors `L D Lᵀ` of a symmetric positive definite matrix, for solving linear systems with
 /// it. L is a lower triangular matrix with ones on its diagonal, and D is diagonal, so no square
 /// roots are needed: Golub and Van Loan, *Matrix Computations*, 4th ed., 4.1.2.
 #[derive(Clone, Copy, Debug)]
-pub struct Ldl<T: Real, const N: usize> {
+pub struct Ldl<const N: usize> {
     /// L below the diagonal, and the reciprocals of D on it; what is above is not used.
-    factors: SMatrix<T, N, N>,
+    factors: SMatrix<f64, N, N>,
 }
 
-impl<T: Real, const N: usize> Ldl<T, N> {
+impl<const N: usize> Ldl<N> {
     /// Factors a symmetric `matrix`, of which only the lower triangle is read. Returns `None` if
     /// the matrix is not positive definite.
     #[inline(always)]
     #[must_use]
-    pub fn new(matrix: &SMatrix<T, N, N>) -> Option<Self> {
+    pub fn new(matrix: &SMatrix<f64, N, N>) -> Option<Self> {
         let mut factors = *matrix;
         for j in 0..N {
             let mut pivot = *factors.get((j, j))?;
@@ -27,9 +27,9 @@ impl<T: Real, const N: usize> Ldl<T, N> {
                 pivot -= scaled * entry;
                 *factors.get_mut((j, k))? = entry;
             }
-            let reciprocal = T::one() / pivot;
+            let reciprocal = 1.0 / pivot;
             // No order for a NaN, which is not positive either.
-            if !(pivot > T::zero() && is_finite(pivot) && is_finite(reciprocal)) {
+            if !(pivot > 0.0 && is_finite(pivot) && is_finite(reciprocal)) {
                 return None;
             }
             *factors.get_mut((j, j))? = reciprocal;
@@ -47,7 +47,7 @@ impl<T: Real, const N: usize> Ldl<T, N> {
     /// factored. x is not finite if the exact solution is not.
     #[inline(always)]
     #[must_use]
-    pub fn solve(&self, right: &SVector<T, N>) -> SVector<T, N> {
+    pub fn solve(&self, right: &SVector<f64, N>) -> SVector<f64, N> {
         let mut x = *right;
         for i in 0..N {
             for k in 0..i {
@@ -67,7 +67,7 @@ impl<T: Real, const N: usize> Ldl<T, N> {
 
     /// Takes a factor times `x[known]` from `x[row]`.
     #[inline(always)]
-    fn eliminate(&self, x: &mut SVector<T, N>, row: usize, factor: (usize, usize), known: usize) {
+    fn eliminate(&self, x: &mut SVector<f64, N>, row: usize, factor: (usize, usize), known: usize) {
         let taken = match (self.factors.get(factor), x.get(known)) {
             (Some(&factor), Some(&known)) => factor * known,
             _ => return,

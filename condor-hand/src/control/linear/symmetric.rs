@@ -1,30 +1,28 @@
 use nalgebra::Vector3;
 
-use crate::math::Real;
-
 /// A symmetric 3×3 matrix, such as an inertia; only the upper triangle is stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Symmetric3<T: Real = f64> {
+pub struct Symmetric3 {
     /// Row x, column x.
-    pub xx: T,
+    pub xx: f64,
     /// Row x, column y.
-    pub xy: T,
+    pub xy: f64,
     /// Row x, column z.
-    pub xz: T,
+    pub xz: f64,
     /// Row y, column y.
-    pub yy: T,
+    pub yy: f64,
     /// Row y, column z.
-    pub yz: T,
+    pub yz: f64,
     /// Row z, column z.
-    pub zz: T,
+    pub zz: f64,
 }
 
-impl<T: Real> Symmetric3<T> {
+impl Symmetric3 {
     /// Returns the matrix in which all entries are zero.
     #[inline(always)]
     #[must_use]
     pub fn zero() -> Self {
-        let zero = T::zero();
+        let zero = 0.0;
         Self {
             xx: zero,
             xy: zero,
@@ -38,7 +36,7 @@ impl<T: Real> Symmetric3<T> {
     /// Adds the inertia of a unit mass at the point `arm`, taken about the origin: `|r|² I - r rᵀ`
     /// with r = `arm`.
     #[inline(always)]
-    pub fn add_point(&mut self, arm: &Vector3<T>) {
+    pub fn add_point(&mut self, arm: &Vector3<f64>) {
         let (xx, yy, zz) = (arm.x * arm.x, arm.y * arm.y, arm.z * arm.z);
         self.xx += yy + zz;
         self.yy += xx + zz;
@@ -51,7 +49,7 @@ impl<T: Real> Symmetric3<T> {
     /// Returns the trace of the matrix: the sum of its diagonal.
     #[inline(always)]
     #[must_use]
-    pub fn trace(&self) -> T {
+    pub fn trace(&self) -> f64 {
         self.xx + self.yy + self.zz
     }
 
@@ -59,7 +57,7 @@ impl<T: Real> Symmetric3<T> {
     /// the determinant is the inverse.
     #[inline(always)]
     #[must_use]
-    pub fn adjugate(&self) -> (Self, T) {
+    pub fn adjugate(&self) -> (Self, f64) {
         let adjugate = Self {
             xx: self.yy * self.zz - self.yz * self.yz,
             xy: self.xz * self.yz - self.xy * self.zz,
@@ -75,7 +73,7 @@ impl<T: Real> Symmetric3<T> {
     /// Returns the matrix with all entries multiplied by `factor`.
     #[inline(always)]
     #[must_use]
-    pub fn scaled(&self, factor: T) -> Self {
+    pub fn scaled(&self, factor: f64) -> Self {
         Self {
             xx: self.xx * factor,
             xy: self.xy * factor,
@@ -89,7 +87,7 @@ impl<T: Real> Symmetric3<T> {
     /// Returns the product of the matrix and `vector`.
     #[inline(always)]
     #[must_use]
-    pub fn times(&self, vector: &Vector3<T>) -> Vector3<T> {
+    pub fn times(&self, vector: &Vector3<f64>) -> Vector3<f64> {
         let (x, y, z) = (vector.x, vector.y, vector.z);
         Vector3::new(
             self.xx * x + self.xy * y + self.xz * z,

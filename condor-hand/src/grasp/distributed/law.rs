@@ -49,7 +49,7 @@ pub struct GraspInputs<const F: usize, const N: usize> {
 /// call [`step`](Self::step).
 #[derive(Debug)]
 pub struct DistributedGrasp<M, const F: usize, const N: usize> {
-    members: [(M, TorqueLimits<f64, N>); F],
+    members: [(M, TorqueLimits<N>); F],
     holders: [Option<Holder<F, N>>; F],
     /// The joints of the tick before.
     former: HandJoints<F, N>,
@@ -75,7 +75,7 @@ struct Holder<const F: usize, const N: usize> {
 
 /// A step of the law: what it is computed from, and the controllers that get its torques.
 struct Step<'s, M, C, const F: usize, const N: usize> {
-    members: &'s [(M, TorqueLimits<f64, N>); F],
+    members: &'s [(M, TorqueLimits<N>); F],
     /// The fingers of this processor, as they are now.
     own: &'s HandJoints<F, N>,
     /// All fingers that are known, as they were in the tick before.
@@ -102,12 +102,12 @@ enum Law<const N: usize> {
 struct Grip<const H: usize, const N: usize> {
     /// Their numbers in the hand.
     fingers: [usize; H],
-    law: GraspStiffness<f64, H, N>,
+    law: GraspStiffness<H, N>,
 }
 
 impl<M, const F: usize, const N: usize> DistributedGrasp<M, F, N>
 where
-    M: Kinematics<f64, N> + Dynamics<f64, N>,
+    M: Kinematics<N> + Dynamics<N>,
 {
     /// Makes the part of a grasp for one processor. `fingers` are the configurations and mechanisms
     /// of all fingers of the hand, at most [`MOST_FINGERS`]; `served[i]` is true if this processor
@@ -257,7 +257,7 @@ impl<const F: usize, const N: usize> Holder<F, N> {
 
 impl<M, C, const F: usize, const N: usize> Step<'_, M, C, F, N>
 where
-    M: Kinematics<f64, N> + Dynamics<f64, N>,
+    M: Kinematics<N> + Dynamics<N>,
     C: FingerControllers<M, N>,
 {
     fn advance(
@@ -414,7 +414,7 @@ where
         torques.find_map(|(&finger, torques)| (finger == own).then_some(torques))
     }
 
-    fn limits<const H: usize>(&self, fingers: &[usize; H]) -> Option<[TorqueLimits<f64, N>; H]> {
+    fn limits<const H: usize>(&self, fingers: &[usize; H]) -> Option<[TorqueLimits<N>; H]> {
         let mut limits = [TorqueLimits::none(); H];
         for (limits, &finger) in limits.iter_mut().zip(fingers) {
             *limits = self.members.get(finger)?.1;
@@ -427,7 +427,7 @@ where
         &self,
         own: usize,
         fingers: &[usize; H],
-    ) -> Option<[FingerState<f64, N>; H]> {
+    ) -> Option<[FingerState<N>; H]> {
         let mut states = Vec::<_, H>::new();
         for &finger in fingers {
             let joints = if finger == own {

@@ -68,7 +68,7 @@ impl GraspOrder {
             return Err(GraspReason::Fingers);
         }
         let mut numbers = self.tips.as_flattened().iter().chain([&self.ramp_s]);
-        let tuning = self.tuning([TorqueLimits::<_, 0>::none(); 3]);
+        let tuning = self.tuning([TorqueLimits::<0>::none(); 3]);
         if tuning.is_err() || numbers.any(|number| !number.is_finite()) {
             return Err(GraspReason::Tuning);
         }
@@ -78,8 +78,8 @@ impl GraspOrder {
     /// The tuning of the law for this order.
     pub(super) fn tuning<const M: usize, const N: usize>(
         &self,
-        limits: [TorqueLimits<f64, N>; M],
-    ) -> Result<GraspTuning<f64, M, N>, GraspError> {
+        limits: [TorqueLimits<N>; M],
+    ) -> Result<GraspTuning<M, N>, GraspError> {
         let gain = |rows: &[[f64; 6]; 6]| SpatialGain::new(&by_columns(rows));
         let center = Vector3::from(self.center);
         Ok(GraspTuning {

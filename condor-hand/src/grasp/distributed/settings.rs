@@ -103,7 +103,7 @@ impl GraspSettings {
             SpatialGain::new(&by_columns(gains))?;
         }
         not_negative("the mass of the object, kg,", self.mass_kg)?;
-        Squeeze::<f64, 3>::equal(self.squeeze_n)?;
+        Squeeze::<3>::equal(self.squeeze_n)?;
         not_negative(
             "the stiffness of the posture, N m/rad,",
             self.posture_stiffness,
@@ -112,7 +112,7 @@ impl GraspSettings {
             "the damping of the posture, N m s/rad,",
             self.posture_damping,
         )?;
-        ContactFriction::<f64>::point(self.friction)?;
+        ContactFriction::point(self.friction)?;
         not_negative("the time of the ramp, s,", self.ramp_s)?;
         Ok(())
     }

@@ -6,27 +6,27 @@ use super::{
     TendonFaultLimits,
 };
 use crate::NumberError;
-use crate::math::{Real, is_finite};
+use crate::math::is_finite;
 use crate::tendon::{Pair, TendonPairs};
 
 /// The desired and measured values of a finger in one tick, which a [`FingerMonitor`] checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observation<'a, T: Real, const N: usize> {
+pub struct Observation<'a, const N: usize> {
     /// The desired tensions, N.
-    pub desired_tensions: &'a TendonPairs<T, N>,
+    pub desired_tensions: &'a TendonPairs<f64, N>,
     /// The measured tensions, N.
-    pub tensions: &'a TendonPairs<T, N>,
+    pub tensions: &'a TendonPairs<f64, N>,
     /// The desired positions, rad; `None` for joints whose position is not controlled.
-    pub desired_positions: &'a [Option<T>; N],
+    pub desired_positions: &'a [Option<f64>; N],
     /// The measured positions, rad.
-    pub positions: &'a SVector<T, N>,
+    pub positions: &'a SVector<f64, N>,
     /// A bit for each joint whose reading is implausible:
     /// [`ServoOutput::lost`](crate::servo::ServoOutput::lost).
     pub lost: u32,
     /// The time since the last tick, s.
-    pub period_s: T,
+    pub period_s: f64,
     /// The time since the last set-point came, s.
-    pub set_point_age_s: T,
+    pub set_point_age_s: f64,
 }
 
 /// A monitor that detects faults of one finger: it checks the tendons, the joints and the timing in
@@ -36,22 +36,22 @@ pub struct Observation<'a, T: Real, const N: usize> {
 /// position that is not finite does not count for the other checks of that tendon or joint; those
 /// continue with the next sample. A time that is not finite counts as too long.
 #[derive(Clone, Copy, Debug)]
-pub struct FingerMonitor<T: Real, const N: usize> {
-    limits: FaultLimits<T, N>,
-    state: FingerState<T, N>,
+pub struct FingerMonitor<const N: usize> {
+    limits: FaultLimits<N>,
+    state: FingerState<N>,
 }
 
 /// All that `clear` forgets.
 #[derive(Clone, Copy, Debug)]
-struct FingerState<T, const N: usize> {
-    tendons: [Pair<Sensor<T, 2>>; N],
-    joints: [Sensor<T, 1>; N],
+struct FingerState<const N: usize> {
+    tendons: [Pair<Sensor<2>>; N],
+    joints: [Sensor<1>; N],
     period: Run,
     set_point: Run,
     first: Option<FingerFault>,
 }
 
-impl<T: Real, const N: usize> FingerState<T, N> {
+impl<const N: usize> FingerState<N> {
     fn new() -> Self {
         Self {
             tendons: [Pair::both(Sensor::new()); N],
@@ -63,12 +63,12 @@ impl<T: Real, const N: usize> FingerState<T, N> {
     }
 }
 
-impl<T: Real, const N: usize> FingerMonitor<T, N> {
+impl<const N: usize> FingerMonitor<N> {
     /// Makes a monitor with these limits, in which no fault has occurred yet.
     ///
     /// # Errors
     /// [`NumberError`] for the first limit that is wrong.
-    pub fn new(limits: FaultLimits<T, N>) -> Result<Self, NumberError> {
+    pub fn new(limits: FaultLimits<N>) -> Result<Self, NumberError> {
         limits.check()?;
         Ok(Self {
             limits,
@@ -77,7 +77,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     }
 
     /// Returns the limits.
-    pub(crate) const fn limits(&self) -> &FaultLimits<T, N> {
+    pub(crate) const fn limits(&self) -> &FaultLimits<N> {
         &self.limits
     }
 
@@ -85,7 +85,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     ///
     /// # Errors
     /// [`NumberError`] for the first limit that is wrong; all limits stay then.
-    pub fn set_limits(&mut self, limits: FaultLimits<T, N>) -> Result<(), NumberError> {
+    pub fn set_limits(&mut self, limits: FaultLimits<N>) -> Result<(), NumberError> {
         limits.check()?;
         self.limits = limits;
         Ok(())
@@ -93,7 +93,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
 
     /// Checks the values of one tick. Returns the first fault since the last
     /// [`clear`](Self::clear), which may be an earlier one; `None` if there was none.
-    pub fn update(&mut self, observation: &Observation<'_, T, N>) -> Option<FingerFault> {
+    pub fn update(&mut self, observation: &Observation<'_, N>) -> Option<FingerFault> {
         let Self { limits, state } = self;
         let first = &mut state.first;
         let samples = observation
@@ -151,8 +151,8 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     }
 }
 
-impl<T: Real> Limits<T, 2> for TendonFaultLimits<T> {
-    fn sensor(&self) -> &SensorFaultLimits<T> {
+impl Limits<2> for TendonFaultLimits {
+    fn sensor(&self) -> &SensorFaultLimits {
         &self.sensor
     }
 
@@ -162,14 +162,14 @@ impl<T: Real> Limits<T, 2> for TendonFaultLimits<T> {
     }
 
     #[inline]
-    fn fails(&self, measured: T) -> [bool; 2] {
+    fn fails(&self, measured: f64) -> [bool; 2] {
         let over = self.over_tension.is_below(measured);
         [measured < self.slack.value, over]
     }
 }
 
-impl<T: Real> Limits<T, 1> for JointFaultLimits<T> {
-    fn sensor(&self) -> &SensorFaultLimits<T> {
+impl Limits<1> for JointFaultLimits {
+    fn sensor(&self) -> &SensorFaultLimits {
         &self.sensor
     }
 
@@ -178,7 +178,7 @@ impl<T: Real> Limits<T, 1> for JointFaultLimits<T> {
     }
 
     #[inline]
-    fn fails(&self, measured: T) -> [bool; 1] {
+    fn fails(&self, measured: f64) -> [bool; 1] {
         [self.limit.excludes(measured)]
     }
 }

@@ -1,14 +1,13 @@
 use super::{FaultCode, FaultSite};
-use crate::math::Real;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::Pair;
 
 /// A limit of a value. The value has a fault once it is beyond the limit in `samples` samples in a
 /// row; 0 samples switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Threshold<T> {
+pub struct Threshold {
     /// The limit of the value.
-    pub value: T,
+    pub value: f64,
     /// The samples in a row that make a fault.
     pub samples: u16,
 }
@@ -16,11 +15,11 @@ pub struct Threshold<T> {
 /// The good range of a value. The value has a fault once it is outside of the range in `samples`
 /// samples in a row; 0 samples switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FaultRange<T> {
+pub struct FaultRange {
     /// The lowest good value.
-    pub low: T,
+    pub low: f64,
     /// The highest good value.
-    pub high: T,
+    pub high: f64,
     /// The samples in a row that make a fault.
     pub samples: u16,
 }
@@ -32,64 +31,64 @@ pub struct FaultRange<T> {
 /// a value, and the set-point is more than `travel` from where it was when the reading reached that
 /// value. 0 samples switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stuck<T> {
+pub struct Stuck {
     /// The greatest noise of a stuck sensor, in the unit of its reading.
-    pub band: T,
+    pub band: f64,
     /// The travel of a set-point after which a good sensor must have moved.
-    pub travel: T,
+    pub travel: f64,
     /// The samples in a row that make a fault.
     pub samples: u16,
 }
 
 /// The limits beyond which the sensor of a tendon or a joint has a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SensorFaultLimits<T> {
+pub struct SensorFaultLimits {
     /// The number of samples in a row that are not finite or implausible after which the sensor is
     /// lost; 0 switches the check off.
     pub lost_samples: u16,
     /// The range of the sensor.
-    pub range: FaultRange<T>,
+    pub range: FaultRange,
     /// The conditions under which it is stuck.
-    pub stuck: Stuck<T>,
+    pub stuck: Stuck,
     /// The greatest distance from the desired value.
-    pub tracking: Threshold<T>,
+    pub tracking: Threshold,
 }
 
 /// The limits beyond which a tendon has a fault, N.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TendonFaultLimits<T> {
+pub struct TendonFaultLimits {
     /// The limits of its sensor.
-    pub sensor: SensorFaultLimits<T>,
+    pub sensor: SensorFaultLimits,
     /// The tension, N, below which a tendon is slack or broken.
-    pub slack: Threshold<T>,
+    pub slack: Threshold,
     /// The tension, N, above which a tendon may break.
-    pub over_tension: Threshold<T>,
+    pub over_tension: Threshold,
 }
 
 /// The limits beyond which a joint has a fault, rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct JointFaultLimits<T> {
+pub struct JointFaultLimits {
     /// The limits of its sensor.
-    pub sensor: SensorFaultLimits<T>,
+    pub sensor: SensorFaultLimits,
     /// The range of the joint.
-    pub limit: FaultRange<T>,
+    pub limit: FaultRange,
 }
 
 /// The limits beyond which a finger has a fault: those of its tendons, its joints and its timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FaultLimits<T, const N: usize> {
+pub struct FaultLimits<const N: usize> {
     /// The limits of the tendons of each joint.
-    pub tendons: [Pair<TendonFaultLimits<T>>; N],
+    pub tendons: [Pair<TendonFaultLimits>; N],
     /// The limits of each joint.
-    pub joints: [JointFaultLimits<T>; N],
+    pub joints: [JointFaultLimits; N],
     /// The longest time between two ticks, s; a time that is *n* times as long counts as *n*
     /// samples.
-    pub period_s: Threshold<T>,
+    pub period_s: Threshold,
     /// The greatest age of a set-point, s.
-    pub set_point_age_s: Threshold<T>,
+    pub set_point_age_s: Threshold,
 }
 
-impl<T: Real, const N: usize> FaultLimits<T, N> {
+impl<const N: usize> FaultLimits<N> {
     /// Checks that all limits can be used, including those of checks that are switched off.
     ///
     /// # Errors
@@ -107,7 +106,7 @@ impl<T: Real, const N: usize> FaultLimits<T, N> {
     }
 }
 
-impl<T: Real> TendonFaultLimits<T> {
+impl TendonFaultLimits {
     fn check(&self, site: FaultSite) -> Result<(), NumberError> {
         self.sensor.check(site)?;
         threshold(site, FaultCode::Slack, self.slack.value)?;
@@ -115,14 +114,14 @@ impl<T: Real> TendonFaultLimits<T> {
     }
 }
 
-impl<T: Real> JointFaultLimits<T> {
+impl JointFaultLimits {
     fn check(&self, site: FaultSite) -> Result<(), NumberError> {
         self.sensor.check(site)?;
         range(site, FaultCode::JointLimit, &self.limit)
     }
 }
 
-impl<T: Real> SensorFaultLimits<T> {
+impl SensorFaultLimits {
     fn check(&self, site: FaultSite) -> Result<(), NumberError> {
         range(site, FaultCode::OutOfRange, &self.range)?;
         threshold(site, FaultCode::Stuck, self.stuck.band)?;
@@ -131,16 +130,12 @@ impl<T: Real> SensorFaultLimits<T> {
     }
 }
 
-fn threshold<T: Real>(site: FaultSite, code: FaultCode, value: T) -> Result<(), NumberError> {
+fn threshold(site: FaultSite, code: FaultCode, value: f64) -> Result<(), NumberError> {
     not_negative("the threshold", value).map_err(|error| error.at(site.check(code)))
 }
 
-fn range<T: Real>(
-    site: FaultSite,
-    code: FaultCode,
-    range: &FaultRange<T>,
-) -> Result<(), NumberError> {
-    let above = Requirement::AtLeast(range.low.to_f64());
+fn range(site: FaultSite, code: FaultCode, range: &FaultRange) -> Result<(), NumberError> {
+    let above = Requirement::AtLeast(range.low);
     finite("the lower end", range.low)
         .and_then(|()| check("the upper end", range.high, above))
         .map_err(|error| error.at(site.check(code)))

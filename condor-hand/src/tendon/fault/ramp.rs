@@ -1,30 +1,29 @@
-use crate::math::{Real, real, round};
+use crate::math::round;
 use crate::number::{NumberError, Requirement, check, finite, positive};
 use crate::tendon::{Pair, TendonPairs};
 
 /// A ramp that brings the tensions of a finger to final values in equal steps, such as to the least
 /// tensions after a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SafeRamp<T: Real, const N: usize> {
-    from: TendonPairs<T, N>,
-    to: TendonPairs<T, N>,
+pub struct SafeRamp<const N: usize> {
+    from: TendonPairs<f64, N>,
+    to: TendonPairs<f64, N>,
     samples: u32,
     left: u32,
 }
 
-impl<T: Real, const N: usize> SafeRamp<T, N> {
+impl<const N: usize> SafeRamp<N> {
     /// Makes a ramp that goes from the tensions `from` to `to` (N) in `seconds`, with `sample_hz`
     /// steps per second. It must have at least two steps.
     ///
     /// # Errors
     /// [`NumberError`] if a tension is not finite, or the time is not possible.
     pub fn new(
-        from: TendonPairs<T, N>,
-        to: TendonPairs<T, N>,
-        seconds: T,
-        sample_hz: T,
+        from: TendonPairs<f64, N>,
+        to: TendonPairs<f64, N>,
+        seconds: f64,
+        sample_hz: f64,
     ) -> Result<Self, NumberError> {
-        let (seconds, sample_hz) = (seconds.to_f64(), sample_hz.to_f64());
         let samples = round(seconds * sample_hz);
         positive("the time of a ramp, s,", seconds)?;
         check("the samples of a ramp", samples, Requirement::AtLeast(2.0))?;
@@ -49,10 +48,10 @@ impl<T: Real, const N: usize> SafeRamp<T, N> {
 
     /// Returns the tensions of the next sample, N: one step nearer to the final ones. The last step
     /// reaches them exactly, and later calls return them again.
-    pub fn update(&mut self) -> TendonPairs<T, N> {
+    pub fn update(&mut self) -> TendonPairs<f64, N> {
         self.left = self.left.saturating_sub(1);
-        let left = real::<T>(f64::from(self.left) / f64::from(self.samples));
-        let way = |from: T, to: T| to + (from - to) * left;
+        let left = f64::from(self.left) / f64::from(self.samples);
+        let way = |from: f64, to: f64| to + (from - to) * left;
         let mut tensions = self.to;
         for (tension, from) in tensions.iter_mut().zip(&self.from) {
             *tension = Pair {

@@ -1,5 +1,5 @@
 use super::{FaultCode, FaultRange, FaultSite, FingerFault, SensorFaultLimits, Stuck, Threshold};
-use crate::math::{Real, abs, is_finite};
+use crate::math::{abs, is_finite};
 
 /// Samples in a row.
 #[derive(Clone, Copy, Debug, Default)]
@@ -13,15 +13,15 @@ impl Run {
 
     /// Returns true if this many deadlines in a row were missed, with `seconds` between two ticks, of which
     /// `longest` is the longest that is in time. A gap several times as long misses several deadlines.
-    pub(crate) fn misses<T: Real>(&mut self, deadlines: u16, seconds: T, longest: T) -> bool {
+    pub(crate) fn misses(&mut self, deadlines: u16, seconds: f64, longest: f64) -> bool {
         // NaN is not a time that has passed.
-        let in_time = seconds > T::zero() && seconds <= longest;
+        let in_time = seconds > 0.0 && seconds <= longest;
         #[allow(
             clippy::cast_sign_loss,
             clippy::cast_possible_truncation,
             reason = "what is too large is the most, and what is no number none"
         )]
-        let times = (seconds / longest).to_f64() as u16;
+        let times = (seconds / longest) as u16;
         self.adds(deadlines, if in_time { 0 } else { times.max(1) })
     }
 
@@ -41,14 +41,14 @@ impl Run {
     }
 }
 
-impl<T: Real> Threshold<T> {
-    pub(super) fn is_below(&self, value: T) -> bool {
+impl Threshold {
+    pub(super) fn is_below(&self, value: f64) -> bool {
         self.value < value
     }
 }
 
-impl<T: Real> FaultRange<T> {
-    pub(super) fn excludes(&self, value: T) -> bool {
+impl FaultRange {
+    pub(super) fn excludes(&self, value: f64) -> bool {
         value < self.low || value > self.high
     }
 }
@@ -60,9 +60,9 @@ pub(super) struct Latch<'a> {
 }
 
 impl Latch<'_> {
-    pub(super) fn report<T: Real>(&mut self, code: FaultCode, is_fault: bool, value: T) {
+    pub(super) fn report(&mut self, code: FaultCode, is_fault: bool, value: f64) {
         if is_fault && self.first.is_none() {
-            let (site, value) = (self.site, value.to_f64());
+            let (site, value) = (self.site, value);
             *self.first = Some(FingerFault { code, site, value });
         }
     }
@@ -70,8 +70,8 @@ impl Latch<'_> {
 
 /// The state of the checks of one sensor: the three that every sensor has, and `OWN` of its kind.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sensor<T, const OWN: usize> {
-    moved: SensorMotion<T>,
+pub(super) struct Sensor<const OWN: usize> {
+    moved: SensorMotion,
     lost: Run,
     runs: ([Run; 3], [Run; OWN]),
     /// No check has failed in the last sample: nothing is being counted.
@@ -79,16 +79,16 @@ pub(super) struct Sensor<T, const OWN: usize> {
 }
 
 /// The limits of a kind of sensor.
-pub(super) trait Limits<T, const OWN: usize> {
+pub(super) trait Limits<const OWN: usize> {
     /// The limits that every sensor has.
-    fn sensor(&self) -> &SensorFaultLimits<T>;
+    fn sensor(&self) -> &SensorFaultLimits;
     /// The faults that the checks of its kind find, and after how many samples.
     fn own(&self) -> [(FaultCode, u16); OWN];
     /// Whether a sample fails these checks.
-    fn fails(&self, measured: T) -> [bool; OWN];
+    fn fails(&self, measured: f64) -> [bool; OWN];
 }
 
-impl<T: Real, const OWN: usize> Sensor<T, OWN> {
+impl<const OWN: usize> Sensor<OWN> {
     pub(super) fn new() -> Self {
         Self {
             moved: SensorMotion::never(),
@@ -102,9 +102,9 @@ impl<T: Real, const OWN: usize> Sensor<T, OWN> {
     #[inline(always)]
     pub(super) fn update(
         &mut self,
-        limits: &impl Limits<T, OWN>,
-        desired: Option<T>,
-        (measured, is_possible): (T, bool),
+        limits: &impl Limits<OWN>,
+        desired: Option<f64>,
+        (measured, is_possible): (f64, bool),
         latch: &mut Latch<'_>,
     ) {
         let of_all = limits.sensor();
@@ -128,8 +128,8 @@ impl<T: Real, const OWN: usize> Sensor<T, OWN> {
     #[cold]
     fn count(
         &mut self,
-        limits: &impl Limits<T, OWN>,
-        values: [T; 3],
+        limits: &impl Limits<OWN>,
+        values: [f64; 3],
         fails: [bool; 3],
         own: [bool; OWN],
         latch: &mut Latch<'_>,
@@ -157,9 +157,9 @@ impl<T: Real, const OWN: usize> Sensor<T, OWN> {
     #[cold]
     fn lose(
         &mut self,
-        limits: &SensorFaultLimits<T>,
-        wanted: T,
-        measured: T,
+        limits: &SensorFaultLimits,
+        wanted: f64,
+        measured: f64,
         latch: &mut Latch<'_>,
     ) {
         let (code, value) = if !is_finite(measured) {
@@ -178,23 +178,23 @@ impl<T: Real, const OWN: usize> Sensor<T, OWN> {
 
 /// The measured and the desired value when a sensor moved last.
 #[derive(Clone, Copy, Debug)]
-struct SensorMotion<T> {
+struct SensorMotion {
     /// NaN if it has never been seen, so that nothing is near it.
-    there: T,
-    wanted: T,
+    there: f64,
+    wanted: f64,
 }
 
-impl<T: Real> SensorMotion<T> {
+impl SensorMotion {
     fn never() -> Self {
         Self {
-            there: T::zero() / T::zero(),
-            wanted: T::zero(),
+            there: f64::NAN,
+            wanted: 0.0,
         }
     }
 
     /// Returns true if the sensor stays while its set-point has gone.
     #[inline]
-    fn stays(&mut self, stuck: &Stuck<T>, desired: Option<T>, measured: T) -> bool {
+    fn stays(&mut self, stuck: &Stuck, desired: Option<f64>, measured: f64) -> bool {
         let Some(desired) = desired else {
             *self = Self::never();
             return false;

@@ -209,24 +209,4 @@ proptest! {
             prop_assert!(refused, "{least}: {gain:?}");
         }
     }
-
-    #[test]
-    fn single_precision_is_as_good_as_its_digits(points in three(), wrench in wrench()) {
-        let contacts = Contacts::new(points.map(nalgebra::Matrix::cast::<f32>)).unwrap();
-        let single = Wrench {
-            force: wrench.force.cast::<f32>(),
-            moment: wrench.moment.cast::<f32>(),
-        };
-        let forces = contacts.forces(&single, &Vector3::zeros()).unwrap().forces;
-        let forces = forces.map(nalgebra::Matrix::cast::<f64>);
-        let made = wrench_of(&points, &forces, &Vector3::zeros());
-        let wrong = size(&(made.force - wrench.force), &(made.moment - wrench.moment));
-        prop_assert!(wrong < 1e-5 * (1.0 + square_sum(&forces).sqrt()), "{wrong}");
-
-        let turn = Rotation3::from_euler_angles(0.4, -0.7, 1.0);
-        let moved = points.map(|point| (turn * point).cast::<f32>());
-        let seen = contacts.rigid_motion(&moved, &Vector3::zeros()).unwrap();
-        let wrong = (seen.angular.cast::<f64>() - turn.scaled_axis()).norm();
-        prop_assert!(wrong < 2e-4, "{wrong}");
-    }
 }

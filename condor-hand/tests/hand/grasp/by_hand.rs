@@ -79,7 +79,7 @@ fn contacts_that_cannot_hold_are_refused_with_their_numbers() {
         refused.to_string(),
         "finger 1: the position of the tip, m, is NaN; it must be finite"
     );
-    let Err(refused) = Contacts::<f64, 0>::new([]) else {
+    let Err(refused) = Contacts::<0>::new([]) else {
         panic!("no contacts");
     };
     assert_eq!(
@@ -194,7 +194,7 @@ fn the_edges_of_a_square_have_a_stress_of_their_own() {
 fn friction_is_measured_from_the_cone() {
     let normals = Normals::new([vector![0.0, 0.0, 3.0]]).unwrap();
     let force = [vector![3.0, 4.0, 12.0]];
-    let point = ContactFriction::<f64>::point(0.5).unwrap();
+    let point = ContactFriction::point(0.5).unwrap();
     assert_eq!(point.margins(&normals, &force).unwrap(), [1.0]);
     let pull = [vector![0.0, 0.0, -2.0]];
     assert_eq!(point.margins(&normals, &pull).unwrap(), [-1.0]);
@@ -243,10 +243,7 @@ fn gains_are_refused_that_are_no_spring() {
         (odd[(row, column)], odd[(column, row)]) = (gain, gain);
     }
     assert!(number(told(odd)).value < 0.0);
-    assert_eq!(
-        SpatialGain::<f64>::zero().times(&Twist::zero()),
-        Wrench::zero()
-    );
+    assert_eq!(SpatialGain::zero().times(&Twist::zero()), Wrench::zero());
 }
 
 #[test]

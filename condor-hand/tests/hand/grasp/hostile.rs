@@ -76,7 +76,7 @@ fn check<const M: usize>(
     }
 }
 
-fn sound(output: &GraspOutput<f64, 4, 4>) -> bool {
+fn sound(output: &GraspOutput<4, 4>) -> bool {
     let twists = [&output.deviation, &output.velocity];
     output
         .torques

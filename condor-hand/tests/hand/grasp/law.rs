@@ -18,7 +18,7 @@ pub(crate) fn hand() -> [PlanarFinger; 4] {
 }
 
 /// The fingers at rest, without weight.
-pub(crate) fn states(hand: &[PlanarFinger; 4], q: &[f64; 16]) -> [FingerState<f64, 4>; 4] {
+pub(crate) fn states(hand: &[PlanarFinger; 4], q: &[f64; 16]) -> [FingerState<4>; 4] {
     let zero = SVector::zeros();
     from_fn(|finger| FingerState::new(&hand[finger], &joints(q, finger), &zero, &zero))
 }
@@ -28,7 +28,7 @@ const Q: [f64; 16] = [
 ];
 const CENTER: Vector3<f64> = Vector3::new(0.07, 0.005, -0.06);
 
-fn tuning() -> GraspTuning<f64, 4, 4> {
+fn tuning() -> GraspTuning<4, 4> {
     GraspTuning {
         stiffness: SpatialGain::diagonal([200.0, 250.0, 150.0, 0.1, 0.12, 0.09]).unwrap(),
         damping: SpatialGain::diagonal([2.0, 2.0, 2.0, 1e-3, 2e-3, 1e-3]).unwrap(),
@@ -47,9 +47,9 @@ fn tuning() -> GraspTuning<f64, 4, 4> {
 
 /// The fingers as if the object had turned, and then moved, without change of their Jacobians.
 fn moved(
-    states: &[FingerState<f64, 4>; 4],
+    states: &[FingerState<4>; 4],
     motion: impl Fn(&Vector3<f64>) -> Vector3<f64>,
-) -> [FingerState<f64, 4>; 4] {
+) -> [FingerState<4>; 4] {
     states.map(|mut state| {
         state.tip = motion(&state.tip);
         state

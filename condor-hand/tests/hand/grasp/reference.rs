@@ -179,10 +179,10 @@ struct StiffnessCase {
 
 /// How the joints of each finger move the object, `(G⁺)ᵀ J`, by the motion that fits those of the tips.
 fn object_jacobians(
-    contacts: &Contacts<f64, 4>,
-    jacobians: &[Jacobian<f64, 4>; 4],
+    contacts: &Contacts<4>,
+    jacobians: &[Jacobian<4>; 4],
     about: &Vector3<f64>,
-) -> [Jacobian<f64, 4>; 4] {
+) -> [Jacobian<4>; 4] {
     std::array::from_fn(|finger| {
         let columns: [_; 4] = std::array::from_fn(|joint| {
             let mut tips = [Vector3::zeros(); 4];
@@ -204,7 +204,7 @@ fn torques_and_joint_stiffness_are_those_of_the_whole_grasp_matrix() {
         let c = Vector3::from(case.c);
         let states = states(&hand, &case.q);
         let tips = states.map(|state| state.tip);
-        let jacobians: [Jacobian<f64, 4>; 4] = states.map(|state| state.jacobian);
+        let jacobians: [Jacobian<4>; 4] = states.map(|state| state.jacobian);
         let contacts = Contacts::new(tips).unwrap();
         let stiffness = SpatialGain::diagonal(case.stiffness).unwrap();
         let forces = contacts

@@ -31,7 +31,7 @@ impl Pendulum {
     }
 }
 
-impl Dynamics<f64, 1> for Pendulum {
+impl Dynamics<1> for Pendulum {
     fn inverse_dynamics(
         &self,
         q: &Vector1<f64>,
@@ -68,14 +68,14 @@ impl Dynamics<f64, 1> for Pendulum {
     }
 }
 
-impl Kinematics<f64, 3> for Slider {
+impl Kinematics<3> for Slider {
     fn tip(&self, q: &Vector3<f64>) -> Pose {
         let at = self.base + q;
         Pose::at(at.x, at.y, at.z)
     }
 
-    fn kinematics(&self, q: &Vector3<f64>) -> (Pose, Jacobian<f64, 3>) {
-        let mut jacobian = Jacobian::<f64, 3>::zeros();
+    fn kinematics(&self, q: &Vector3<f64>) -> (Pose, Jacobian<3>) {
+        let mut jacobian = Jacobian::<3>::zeros();
         jacobian.fixed_rows_mut::<3>(0).fill_with_identity();
         (self.tip(q), jacobian)
     }
@@ -85,7 +85,7 @@ impl Kinematics<f64, 3> for Slider {
     }
 }
 
-impl Dynamics<f64, 3> for Slider {
+impl Dynamics<3> for Slider {
     fn inverse_dynamics(
         &self,
         _: &Vector3<f64>,
@@ -147,7 +147,7 @@ pub(crate) fn exact(time_constant_s: f64) -> SimDrive {
 }
 
 /// Arms of one size at each joint, with no tendon across another joint.
-pub(crate) fn own_arms<const N: usize>(arm: f64) -> MomentArms<f64, N> {
+pub(crate) fn own_arms<const N: usize>(arm: f64) -> MomentArms<N> {
     let rows = std::array::from_fn(|joint| {
         std::array::from_fn(|tendon| {
             let arm = if joint == tendon { arm } else { 0.0 };
@@ -166,7 +166,7 @@ pub(crate) fn finger<M, const N: usize>(
     drive: SimDrive,
 ) -> SimFinger<M, N>
 where
-    M: condor_hand::dynamics::Dynamics<f64, N>,
+    M: condor_hand::dynamics::Dynamics<N>,
 {
     let parameters = FingerParameters {
         arms: own_arms(0.01),

@@ -4,9 +4,9 @@
 
 use std::path::Path;
 
+use condor_hand::Pose;
 use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion, PlanarFinger, Rod};
 use condor_hand::tendon::{MomentArms, Pair};
-use condor_hand::{Pose, Real};
 use nalgebra::{Matrix3, SVector, Vector3};
 use proptest::test_runner::Config as ProptestConfig;
 use serde::Deserialize;
@@ -75,24 +75,24 @@ pub(crate) fn joints(all: &[f64], finger: usize) -> SVector<f64, 4> {
 }
 
 /// A vector from its three numbers.
-pub(crate) fn vector<T: Real>(v: [f64; 3]) -> Vector3<T> {
-    Vector3::from(v).map(T::of)
+pub(crate) fn vector(v: [f64; 3]) -> Vector3<f64> {
+    Vector3::from(v)
 }
 
 /// A matrix from its rows.
-pub(crate) fn matrix<T: Real>(rows: [[f64; 3]; 3]) -> Matrix3<T> {
-    Matrix3::from_fn(|row, column| T::of(rows[row][column]))
+pub(crate) fn matrix(rows: [[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::from_fn(|row, column| rows[row][column])
 }
 
 impl Geometry {
     /// One finger in closed form.
-    pub(crate) fn finger<T: Real>(&self, finger: usize) -> PlanarFinger<T> {
+    pub(crate) fn finger(&self, finger: usize) -> PlanarFinger {
         PlanarFinger::new(
             self.base(finger),
-            self.l.map(T::of),
+            self.l,
             std::array::from_fn(|link| Rod {
-                mass: T::of(self.mass[link]),
-                center: T::of(self.com[link][0]),
+                mass: self.mass[link],
+                center: self.com[link][0],
                 inertia: matrix(self.inertia_about_com[link]).diagonal(),
             }),
         )
@@ -100,7 +100,7 @@ impl Geometry {
     }
 
     /// The same finger as a chain, from the axes and offsets of the file alone.
-    pub(crate) fn chain<T: Real>(&self, finger: usize) -> Chain<T, 4> {
+    pub(crate) fn chain(&self, finger: usize) -> Chain<4> {
         Chain::new(
             self.base(finger),
             std::array::from_fn(|joint| ChainJoint {
@@ -111,7 +111,7 @@ impl Geometry {
                 motion: ChainMotion::Revolute(vector(self.axes[joint])),
             }),
             std::array::from_fn(|link| ChainBody {
-                mass: T::of(self.mass[link]),
+                mass: self.mass[link],
                 center: vector(self.com[link]),
                 inertia: matrix(self.inertia_about_com[link]),
             }),
@@ -121,16 +121,16 @@ impl Geometry {
     }
 
     /// Moment arms whose antagonists cross the proximal joints oppositely.
-    pub(crate) fn symmetric_arms<T: Real>(&self) -> MomentArms<T, 4> {
+    pub(crate) fn symmetric_arms(&self) -> MomentArms<4> {
         arms(&self.symmetric)
     }
 
     /// Moment arms with which co-contraction loads the proximal joints.
-    pub(crate) fn asymmetric_arms<T: Real>(&self) -> MomentArms<T, 4> {
+    pub(crate) fn asymmetric_arms(&self) -> MomentArms<4> {
         arms(&self.asymmetric)
     }
 
-    fn base<T: Real>(&self, finger: usize) -> Pose<T> {
+    fn base(&self, finger: usize) -> Pose {
         let Base { rotation, p } = &self.base[finger];
         Pose {
             rotation: matrix(*rotation),
@@ -139,11 +139,11 @@ impl Geometry {
     }
 }
 
-fn arms<T: Real>(rows: &[[f64; 8]; 4]) -> MomentArms<T, 4> {
+fn arms(rows: &[[f64; 8]; 4]) -> MomentArms<4> {
     let rows = rows.map(|row| {
         std::array::from_fn(|joint| Pair {
-            flexor: T::of(row[2 * joint]),
-            extensor: T::of(row[2 * joint + 1]),
+            flexor: row[2 * joint],
+            extensor: row[2 * joint + 1],
         })
     });
     MomentArms::new(rows).unwrap()

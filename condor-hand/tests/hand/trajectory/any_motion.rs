@@ -19,7 +19,7 @@ enum Step {
     Tick(u8, Observations<J>),
 }
 
-fn target() -> impl Strategy<Value = Target<f64>> {
+fn target() -> impl Strategy<Value = Target> {
     prop_oneof![
         (-0.5..1.5).prop_map(Target::Absolute),
         (-1.0..1.0).prop_map(Target::Relative),

@@ -10,7 +10,7 @@ use proptest::{prelude::TestCaseError, prop_assert};
 
 pub(super) const J: usize = 4;
 pub(super) const TICK: f64 = 0.02;
-pub(super) const LIMITS: ProfileLimits<f64> = ProfileLimits {
+pub(super) const LIMITS: ProfileLimits = ProfileLimits {
     low: -0.5,
     high: 1.5,
     velocity: 3.0,
@@ -25,7 +25,7 @@ pub(super) fn hand() -> Hand {
     Hand::new([LIMITS; J], [0.0; J], TICK).unwrap()
 }
 
-fn to(joints: &[usize], position: f64, pace: Pace<f64>, profile: Profile) -> Motion {
+fn to(joints: &[usize], position: f64, pace: Pace, profile: Profile) -> Motion {
     joints
         .iter()
         .fold(Motion::new(pace, profile), |motion, &joint| {
@@ -45,7 +45,7 @@ fn events(hand: &mut Hand) -> Vec<MotionEvent> {
     core::iter::from_fn(|| hand.take_event()).collect()
 }
 
-pub(super) fn run(hand: &mut Hand, ticks: usize) -> Vec<[SetPoint<f64>; J]> {
+pub(super) fn run(hand: &mut Hand, ticks: usize) -> Vec<[SetPoint; J]> {
     (0..ticks)
         .map(|_| hand.tick(&Observations::none()))
         .collect()
@@ -55,10 +55,7 @@ pub(super) fn run(hand: &mut Hand, ticks: usize) -> Vec<[SetPoint<f64>; J]> {
 const CLOSE: f64 = 1e-6;
 
 /// The limits, and whether each position is where the velocities lead.
-pub(super) fn check(
-    before: &[SetPoint<f64>; J],
-    after: &[SetPoint<f64>; J],
-) -> Result<(), TestCaseError> {
+pub(super) fn check(before: &[SetPoint; J], after: &[SetPoint; J]) -> Result<(), TestCaseError> {
     for (joint, (from, to)) in before.iter().zip(after).enumerate() {
         let all = [to.position, to.velocity, to.acceleration];
         prop_assert!(all.into_iter().all(f64::is_finite), "joint {joint}: {to:?}");
@@ -547,40 +544,6 @@ fn near_the_end_of_its_range_a_joint_brakes_without_regard_of_jerk() {
     let happening = Happening::Started { adjusted: true };
     let ticket = back;
     assert!(events(&mut hand).contains(&MotionEvent { ticket, happening }));
-}
-
-#[test]
-fn single_precision_keeps_the_limits_too() {
-    let limits = ProfileLimits {
-        low: -0.5_f32,
-        high: 1.5,
-        velocity: 3.0,
-        acceleration: 40.0,
-        jerk: 800.0,
-    };
-    for profile in [
-        Profile::MinimumJerk,
-        Profile::Trapezoid,
-        Profile::JerkLimited,
-    ] {
-        let mut hand = Generator::<2, 2, f32>::new([limits; 2], [0.0; 2], 0.02).unwrap();
-        let motion = Primitive::new(Pace::Speed(1.0), profile)
-            .with(0, Target::Absolute(1.5))
-            .and_then(|motion| motion.with(1, Target::Relative(-0.5)))
-            .unwrap();
-        hand.enqueue(motion).unwrap();
-        let mut ticks = 0;
-        while !hand.is_idle() {
-            for point in hand.tick(&Observations::none()) {
-                assert!(point.velocity.abs() < 3.001 && point.acceleration.abs() < 40.01);
-            }
-            ticks += 1;
-        }
-        assert_eq!(hand.set_points().map(|point| point.position), [1.5, -0.5]);
-        assert!(ticks < 60, "{ticks}");
-        let started = Happening::Started { adjusted: false };
-        assert_eq!(hand.take_event().unwrap().happening, started);
-    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 const J: usize = 6;
 type Motion = Primitive<J>;
 
-fn guards() -> impl Strategy<Value = Guards<f64>> {
+fn guards() -> impl Strategy<Value = Guards> {
     let limit = || prop::option::of(-3.0..3.0);
     (limit(), limit(), limit(), any::<bool>()).prop_map(|(torque, tension, time, contact)| Guards {
         torque,

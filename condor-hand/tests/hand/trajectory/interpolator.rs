@@ -8,7 +8,7 @@ use condor_hand::{NumberError, Subject};
 use proptest::prelude::*;
 
 const TICK: f64 = 0.02;
-const BOUNDS: Bounds<f64> = Bounds {
+const BOUNDS: Bounds = Bounds {
     velocity: 2.0,
     acceleration: 50.0,
     jerk: None,

@@ -4,7 +4,7 @@ use condor_hand::trajectory::{Bounds, Polynomial, Segments, SetPoint, Spline};
 use condor_hand::{NumberError, Requirement, Subject};
 use proptest::prelude::*;
 
-fn state(x: f64, v: f64, a: f64) -> SetPoint<f64> {
+fn state(x: f64, v: f64, a: f64) -> SetPoint {
     SetPoint {
         position: x,
         velocity: v,
@@ -12,11 +12,11 @@ fn state(x: f64, v: f64, a: f64) -> SetPoint<f64> {
     }
 }
 
-fn states(v: f64, a: f64) -> impl Strategy<Value = SetPoint<f64>> {
+fn states(v: f64, a: f64) -> impl Strategy<Value = SetPoint> {
     (-2.0..2.0, -v..v, -a..a).prop_map(|(x, v, a)| state(x, v, a))
 }
 
-fn bounds() -> impl Strategy<Value = Bounds<f64>> {
+fn bounds() -> impl Strategy<Value = Bounds> {
     let jerk = prop_oneof![Just(None), (5.0..500.0).prop_map(Some)];
     (0.1..5.0, 0.5..40.0, jerk).prop_map(|(velocity, acceleration, jerk)| Bounds {
         velocity,
@@ -26,7 +26,7 @@ fn bounds() -> impl Strategy<Value = Bounds<f64>> {
 }
 
 /// A start within bounds, as parts of them.
-fn moving() -> impl Strategy<Value = (Bounds<f64>, SetPoint<f64>, f64)> {
+fn moving() -> impl Strategy<Value = (Bounds, SetPoint, f64)> {
     let rest = prop_oneof![Just(0.0), -1.0..1.0];
     (bounds(), -2.0..2.0, -1.0..1.0, rest, -2.0..2.0).prop_map(|(bounds, x, v, a, end)| {
         let start = state(x, v * bounds.velocity, a * bounds.acceleration);
@@ -39,8 +39,8 @@ const SAMPLES: u32 = 400;
 /// The greatest of what a profile does at many times, which its peaks must cover and nearly be.
 fn check_peaks(
     duration: f64,
-    at: impl Fn(f64) -> SetPoint<f64>,
-    peaks: condor_hand::trajectory::ProfilePeaks<f64>,
+    at: impl Fn(f64) -> SetPoint,
+    peaks: condor_hand::trajectory::ProfilePeaks,
     close: bool,
 ) -> Result<(), TestCaseError> {
     let mut seen = [f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0];
@@ -104,7 +104,7 @@ proptest! {
             times.push(times.last().unwrap() + interval);
             positions.push(position);
         }
-        let spline = Spline::<f64, 18>::clamped(&times, &positions, rates).unwrap();
+        let spline = Spline::<18>::clamped(&times, &positions, rates).unwrap();
         let last = *times.last().unwrap();
         prop_assert!(near(spline.at(0.0).velocity, rates.0, 1e-9));
         prop_assert!(near(spline.at(last).velocity, rates.1, 1e-9));
@@ -176,7 +176,7 @@ proptest! {
         duration in any::<f64>(), limits in any::<[f64; 3]>(), at in 0.0..1.0,
     ) {
         let start = state(x, v, a);
-        let finite = |point: SetPoint<f64>| {
+        let finite = |point: SetPoint| {
             point.position.is_finite() && point.velocity.is_finite() && point.acceleration.is_finite()
         };
         for made in [
@@ -220,7 +220,7 @@ fn trapezoids_that_arrive_together_have_the_velocity_of_the_closed_form() {
 
 #[test]
 fn bad_knots_are_named() {
-    let spline = |t: &[f64], x: &[f64]| Spline::<f64, 4>::clamped(t, x, (0.0, 0.0)).unwrap_err();
+    let spline = |t: &[f64], x: &[f64]| Spline::<4>::clamped(t, x, (0.0, 0.0)).unwrap_err();
     assert_eq!(
         spline(&[0.0, 1.0, 1.0], &[0.0; 3]),
         NumberError {
@@ -234,27 +234,4 @@ fn bad_knots_are_named() {
     assert_eq!(spline(&[0.0], &[0.0]).must, count);
     assert_eq!(spline(&[0.0, 1.0, 2.0, 3.0, 4.0], &[0.0; 5]).must, count);
     assert_eq!(spline(&[0.0, 1.0], &[0.0; 3]).must, Requirement::Equal(3.0));
-}
-
-#[test]
-fn single_precision_is_near() {
-    let bounds = Bounds {
-        velocity: 3.0_f32,
-        acceleration: 20.0,
-        jerk: Some(300.0),
-    };
-    let start = SetPoint {
-        position: 0.1_f32,
-        velocity: 0.5,
-        acceleration: -3.0,
-    };
-    let f32s = Segments::fastest(&start, 1.4, &bounds).unwrap();
-    let bounds = Bounds {
-        velocity: 3.0,
-        acceleration: 20.0,
-        jerk: Some(300.0),
-    };
-    let f64s = Segments::fastest(&state(0.1, 0.5, -3.0), 1.4, &bounds).unwrap();
-    assert!((f64::from(f32s.duration()) - f64s.duration()).abs() < 1e-5);
-    assert!((f64::from(f32s.at(0.3).position) - f64s.at(0.3).position).abs() < 1e-5);
 }

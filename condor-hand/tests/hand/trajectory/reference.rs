@@ -30,10 +30,10 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(number).collect()
 }
 
-type Column = fn(SetPoint<f64>) -> f64;
+type Column = fn(SetPoint) -> f64;
 
 /// Errors are relative to the greatest value of the column: derivatives of a spline reach hundreds.
-fn compare(name: &str, times: &[f64], expected: &Value, at: impl Fn(f64) -> SetPoint<f64>) {
+fn compare(name: &str, times: &[f64], expected: &Value, at: impl Fn(f64) -> SetPoint) {
     let columns: [(&str, Column); 3] = [
         ("x", |point| point.position),
         ("v", |point| point.velocity),
@@ -83,7 +83,7 @@ fn splines_agree_with_scipy() {
         let expected = &case["spline"];
         let times = numbers(&expected["knots_t"]);
         let positions = numbers(&expected["knots_x"]);
-        let spline = Spline::<f64, 18>::clamped(&times, &positions, (0.0, 0.0)).unwrap();
+        let spline = Spline::<18>::clamped(&times, &positions, (0.0, 0.0)).unwrap();
         compare("spline", &numbers(&expected["t"]), expected, |t| {
             spline.at(t)
         });

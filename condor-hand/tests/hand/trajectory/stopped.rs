@@ -28,7 +28,7 @@ fn reach(joints: &[usize], position: f64) -> Motion {
 }
 
 /// Runs ticks, all of which keep the limits.
-fn run(hand: &mut Hand, ticks: usize) -> [SetPoint<f64>; J] {
+fn run(hand: &mut Hand, ticks: usize) -> [SetPoint; J] {
     for _ in 0..ticks {
         let before = hand.set_points();
         let after = hand.tick(&Observations::none());

@@ -7,7 +7,7 @@ use condor_hand::trajectory::{
 use proptest::prelude::*;
 
 const TICK: f64 = 0.02;
-const LIMITS: ProfileLimits<f64> = ProfileLimits {
+const LIMITS: ProfileLimits = ProfileLimits {
     low: -1.0,
     high: 0.5,
     velocity: 3.0,
@@ -32,7 +32,7 @@ fn point(time: f64, position: f64, velocity: f64) -> StreamPoint<2> {
 }
 
 /// Checks a tick against the one before it.
-fn check(before: &SetPoint<f64>, now: &SetPoint<f64>) {
+fn check(before: &SetPoint, now: &SetPoint) {
     // More than the tolerance of the checks.
     let close = 1e-6;
     assert!(

@@ -114,7 +114,7 @@ impl<'h> Finger<'h> {
     fn go_on(
         &mut self,
         tick: usize,
-        points: &[[SetPoint<f64>; JOINTS]],
+        points: &[[SetPoint; JOINTS]],
         spoilt: Option<(usize, Spoil)>,
     ) {
         if tick.is_multiple_of(SUBSTEPS) {
@@ -127,7 +127,7 @@ impl<'h> Finger<'h> {
 }
 
 /// The set-points of each finger at each tick of the master, of a motion that begins where it ends.
-fn set_points(hand: &RobotDescription, text: &str) -> [Vec<[SetPoint<f64>; JOINTS]>; FINGERS] {
+fn set_points(hand: &RobotDescription, text: &str) -> [Vec<[SetPoint; JOINTS]>; FINGERS] {
     let names = joint_names(hand);
     let motions = motion::load::<ALL>(text, "motion", &names).unwrap();
     let joints = || hand.fingers.iter().flat_map(|finger| &finger.joints);
@@ -174,7 +174,7 @@ const EVERY: usize = 61;
 struct Undisturbed {
     /// The name of the motion.
     name: &'static str,
-    points: Vec<[SetPoint<f64>; JOINTS]>,
+    points: Vec<[SetPoint; JOINTS]>,
     /// The finger before some of the ticks.
     states: Vec<(usize, Finger<'static>)>,
     /// The positions of the joints after each tick.
@@ -198,7 +198,7 @@ fn undisturbed(
     hand: &'static RobotDescription,
     name: &'static str,
     number: usize,
-    points: Vec<[SetPoint<f64>; JOINTS]>,
+    points: Vec<[SetPoint; JOINTS]>,
 ) -> Undisturbed {
     let start = points[0].map(|point| point.position);
     let mut finger = Finger::new(hand, number, start.into());

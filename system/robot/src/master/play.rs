@@ -23,7 +23,7 @@ const GIVEN: usize = 64;
 
 /// The motion that runs, and the one that is recorded or loaded.
 pub(super) struct Player {
-    limits: [ProfileLimits<f64>; ALL],
+    limits: [ProfileLimits; ALL],
     running: Sequence,
     /// Its name, while it runs.
     title: Option<Title>,
@@ -54,7 +54,7 @@ pub(super) struct Player {
 const DONE: (RequestState, RefusalReason) = (RequestState::Done, RefusalReason::None);
 
 impl Player {
-    pub(super) const fn new(limits: &[ProfileLimits<f64>; ALL], joints: usize) -> Self {
+    pub(super) const fn new(limits: &[ProfileLimits; ALL], joints: usize) -> Self {
         Self {
             limits: *limits,
             running: Sequence::new(joints),
@@ -181,7 +181,7 @@ impl Player {
     }
 
     /// The limits of all joints.
-    pub(super) const fn limits(&self) -> &[ProfileLimits<f64>; ALL] {
+    pub(super) const fn limits(&self) -> &[ProfileLimits; ALL] {
         &self.limits
     }
 

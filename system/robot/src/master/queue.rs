@@ -50,7 +50,7 @@ pub(super) enum Work {
 pub(super) struct JointMove {
     pub(super) joint: usize,
     pub(super) position: f64,
-    pub(super) pace: Pace<f64>,
+    pub(super) pace: Pace,
 }
 
 impl JointMove {

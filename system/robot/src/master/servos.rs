@@ -501,7 +501,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         &mut self,
         finger: usize,
         joint: usize,
-        target: &JointTarget<f64>,
+        target: &JointTarget,
     ) -> Result<(), Problem<'static>> {
         let outcome = self.ask(finger, |client, finger, timeout| {
             client.set_target(finger, joint as u32, target, timeout)

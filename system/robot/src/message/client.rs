@@ -116,7 +116,7 @@ where
         &mut self,
         finger: u32,
         joint: u32,
-        target: &JointTarget<f64>,
+        target: &JointTarget,
         timeout: Duration,
     ) -> Result<(), ClientError> {
         let (joint, target) = (Some(joint), *target);

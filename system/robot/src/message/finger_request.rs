@@ -27,20 +27,20 @@ pub enum FingerRequest<const N: usize> {
         /// The joint, from 0.
         joint: usize,
         /// The target that was asked for.
-        target: JointTarget<f64>,
+        target: JointTarget,
     },
     /// Sets other gains of a joint.
     Gains {
         /// The joint, from 0.
         joint: usize,
         /// The gains that were asked for.
-        gains: JointGains<f64>,
+        gains: JointGains,
     },
     /// Sets what the master wants of the joints.
     Follow {
         /// The positions one tick of the master from now.
         #[serde(with = "array")]
-        points: [SetPoint<f64>; N],
+        points: [SetPoint; N],
         /// The motions, with what stops them.
         #[serde(with = "array")]
         guards: [StopGuard; N],
@@ -74,7 +74,7 @@ impl<const N: usize> FingerRequest<N> {
 
     /// Passes the same request to another controller. If the first controller refused the request,
     /// the other one refuses it, too; a refused request has no effect.
-    pub fn repeat<M: Dynamics<f64, N>>(&self, controller: &mut FingerController<M, N>) {
+    pub fn repeat<M: Dynamics<N>>(&self, controller: &mut FingerController<M, N>) {
         // The first controller has told whoever asked.
         match *self {
             Self::Restart => controller.clear(),

@@ -24,7 +24,7 @@ pub(super) struct JointPoint {
 }
 
 impl JointPoint {
-    fn new(point: &SetPoint<f64>, guard: &StopGuard) -> Self {
+    fn new(point: &SetPoint, guard: &StopGuard) -> Self {
         Self {
             position: point.position,
             velocity: point.velocity,
@@ -36,7 +36,7 @@ impl JointPoint {
         }
     }
 
-    pub(super) const fn point(&self) -> SetPoint<f64> {
+    pub(super) const fn point(&self) -> SetPoint {
         SetPoint {
             position: self.position,
             velocity: self.velocity,
@@ -144,7 +144,7 @@ impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
     /// [`AccessError`] if the memory cannot be written.
     pub fn publish(
         &mut self,
-        points: &[SetPoint<f64>; N],
+        points: &[SetPoint; N],
         guards: &[StopGuard; N],
     ) -> Result<u32, AccessError> {
         let mut both = points.iter().zip(guards);

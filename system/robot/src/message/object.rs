@@ -118,7 +118,7 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
         controllers: [Option<FingerController<M, N>>; F],
     ) -> Result<ServoEnds<'_, M, W, X, F, N>, AccessError>
     where
-        M: Dynamics<f64, N>,
+        M: Dynamics<N>,
         W: MemoryWindow + Clone,
         X: Exclusion,
     {

@@ -41,7 +41,7 @@ struct FingerLoop<'o, M, W, const N: usize> {
     reported: Option<ServoStatus<N>>,
 }
 
-impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: usize>
+impl<'o, M: Dynamics<N>, W: MemoryWindow + Clone, const F: usize, const N: usize>
     HandLoop<'o, M, W, F, N>
 {
     pub(super) fn new(
@@ -62,9 +62,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: 
     }
 }
 
-impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
-    HandLoop<'_, M, W, F, N>
-{
+impl<M: Dynamics<N>, W: MemoryWindow, const F: usize, const N: usize> HandLoop<'_, M, W, F, N> {
     /// Runs one tick of finger number `finger`: passes on the requests and set-points that have
     /// come since the last tick, and then calls [`FingerController::tick`] with the other
     /// arguments. Returns `None` for a finger that the processor does not serve.
@@ -73,7 +71,7 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     pub fn tick(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<f64, N>,
+        sensed: &FingerReadings<N>,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Option<FingerTick<N>> {
@@ -86,7 +84,7 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     pub fn tick_telling(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<f64, N>,
+        sensed: &FingerReadings<N>,
         gravity: &Vector3<f64>,
         period_s: f64,
         mut tell: impl FnMut(&FingerRequest<N>),
@@ -116,7 +114,7 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     }
 }
 
-impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M, W, N> {
+impl<'o, M: Dynamics<N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M, W, N> {
     fn new(
         controller: FingerController<M, N>,
         memory: &'o FingerMemory<N>,
@@ -283,7 +281,7 @@ impl JointMemory {
 
 impl<M, W, const F: usize, const N: usize> FingerControllers<M, N> for HandLoop<'_, M, W, F, N>
 where
-    M: Dynamics<f64, N>,
+    M: Dynamics<N>,
     W: MemoryWindow,
 {
     fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {

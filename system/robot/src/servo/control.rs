@@ -12,7 +12,7 @@ use crate::{FINGERS, JOINTS, Mechanism, RobotDescription, joints};
 
 /// The readings of the sensors of a hand's fingers; nothing for fingers of other processors.
 pub(crate) struct HandReadings {
-    pub(crate) sensed: OfFingers<FingerReadings<f64, JOINTS>>,
+    pub(crate) sensed: OfFingers<FingerReadings<JOINTS>>,
     pub(crate) joints: HandJoints<FINGERS, JOINTS>,
     pub(crate) inputs: Inputs,
 }
@@ -26,7 +26,7 @@ pub(crate) trait Servos: FingerControllers<Mechanism, JOINTS> {
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<f64, JOINTS>,
+        sensed: &FingerReadings<JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Option<FingerTick<JOINTS>>;

@@ -55,8 +55,8 @@ impl Feeling {
     pub(super) fn add(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<f64, JOINTS>,
-        arms: &MomentArms<f64, JOINTS>,
+        sensed: &FingerReadings<JOINTS>,
+        arms: &MomentArms<JOINTS>,
     ) {
         let torques = arms.torque(&sensed.tension);
         if let Some(greatest) = self.present.torque.get_mut(finger) {

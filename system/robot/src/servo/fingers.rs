@@ -132,7 +132,7 @@ impl<M: Machine> Fingers<'_, M> {
 
     fn track(
         &mut self,
-        sensed: &OfFingers<FingerReadings<f64, JOINTS>>,
+        sensed: &OfFingers<FingerReadings<JOINTS>>,
         ticks: &OfFingers<FingerTick<JOINTS>>,
     ) {
         for (finger, (sensed, tick)) in sensed.iter().zip(ticks).enumerate() {
@@ -144,7 +144,7 @@ impl<M: Machine> Fingers<'_, M> {
     }
 
     /// Tells the master what guards are about.
-    fn feel(&mut self, sensed: &OfFingers<FingerReadings<f64, JOINTS>>) {
+    fn feel(&mut self, sensed: &OfFingers<FingerReadings<JOINTS>>) {
         let mut stops = Stops::none();
         self.feeling.tick();
         for (finger, sensed) in sensed.iter().enumerate() {
@@ -276,7 +276,7 @@ impl<W: MemoryWindow> Servos for FingerCommands<'_, '_, W> {
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<f64, JOINTS>,
+        sensed: &FingerReadings<JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Option<FingerTick<JOINTS>> {

@@ -129,7 +129,7 @@ impl<'h> Gains<'h> {
     }
 
     /// Returns the gains of a joint in this tick, of the finger at a place among those that are served.
-    pub(super) fn of(&self, place: usize, joint: usize) -> Option<JointGains<f64>> {
+    pub(super) fn of(&self, place: usize, joint: usize) -> Option<JointGains> {
         let fingers = &self.laws.fingers;
         let of_finger = fingers.get(place)?.joints.len();
         let before = fingers.iter().take(place).map(|finger| finger.joints.len());
@@ -284,7 +284,7 @@ mod tests {
     }
 
     /// The gains of a joint that runs as it is described.
-    fn gains_of(joint: &Joint<JOINTS>) -> JointGains<f64> {
+    fn gains_of(joint: &Joint<JOINTS>) -> JointGains {
         let servo = &joint.servo;
         JointGains {
             law: match servo.law {

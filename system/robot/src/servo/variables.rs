@@ -75,7 +75,7 @@ impl<'h> Variables<'h> {
     /// Shows what the fingers felt and did in a tick.
     pub(super) fn show(
         &self,
-        sensed: &OfFingers<FingerReadings<f64, JOINTS>>,
+        sensed: &OfFingers<FingerReadings<JOINTS>>,
         ticks: &OfFingers<FingerTick<JOINTS>>,
     ) {
         let served = sensed.iter().zip(ticks);
@@ -122,7 +122,7 @@ fn variables_of(finger: &Finger<JOINTS>) -> usize {
 /// In the order of [`JOINT`]; `None` for a joint that there is not.
 fn of_joint(
     joint: usize,
-    sensed: &FingerReadings<f64, JOINTS>,
+    sensed: &FingerReadings<JOINTS>,
     tick: &FingerTick<JOINTS>,
 ) -> Option<[f64; JOINT.len()]> {
     let output = &tick.output;

@@ -178,7 +178,7 @@ impl Arm {
     }
 }
 
-const LIMITS: ProfileLimits<f64> = ProfileLimits {
+const LIMITS: ProfileLimits = ProfileLimits {
     low: -1.0,
     high: 1.0,
     velocity: 2.0,

@@ -42,7 +42,7 @@ fn hand() -> Hand<4, 4> {
     hand
 }
 
-fn sensed() -> FingerReadings<f64, 4> {
+fn sensed() -> FingerReadings<4> {
     FingerReadings {
         position: Vector4::new(0.1, 0.6, 0.8, 0.7),
         tension: [Pair::both(4.0); 4],
@@ -54,13 +54,13 @@ fn sensed() -> FingerReadings<f64, 4> {
 struct Rig {
     system: SimSystem<2>,
     layout: ServoLayout<2, 4>,
-    fingers: Arc<Mutex<(Servos, [FingerReadings<f64, 4>; 2])>>,
+    fingers: Arc<Mutex<(Servos, [FingerReadings<4>; 2])>>,
     /// In virtual time: whether the loop runs while the master waits.
     ticking: Arc<AtomicBool>,
     master: SimMailbox<'static, 2>,
 }
 
-fn tick(fingers: &Mutex<(Servos, [FingerReadings<f64, 4>; 2])>) {
+fn tick(fingers: &Mutex<(Servos, [FingerReadings<4>; 2])>) {
     let (servos, sensed) = &mut *fingers.lock().unwrap();
     for (finger, sensed) in sensed.iter_mut().enumerate() {
         let gravity = Vector3::new(0.0, 0.0, -9.81);

@@ -19,7 +19,7 @@ pub(super) const FORWARD: &str = "forward dynamics";
 pub(super) const OURS: &str = "PlanarFinger";
 
 /// The tips of all fingers with their Jacobians.
-pub(super) type Tips = [(Pose, Jacobian<f64, JOINTS>); FINGERS];
+pub(super) type Tips = [(Pose, Jacobian<JOINTS>); FINGERS];
 
 /// Returns the results as one list: positions, rotations and Jacobians, column by column.
 pub(super) fn list(tips: &Tips) -> Vec<f64> {

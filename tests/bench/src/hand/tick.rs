@@ -38,7 +38,7 @@ pub(super) const POSITIONS: &str = "FingerController, positions";
 struct Hand {
     controllers: Controllers,
     /// The positions of the joints in each tick, and their velocities.
-    motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
+    motion: Vec<[[SetPoint; JOINTS]; FINGERS]>,
     tensions: [TendonPairs<f64, JOINTS>; FINGERS],
     /// The positions of the last tick.
     position: Joints,
@@ -137,7 +137,7 @@ impl Hand {
 fn motion(
     limits: &[MotionLimits<JOINTS>; FINGERS],
     servo_hz: f64,
-) -> Vec<[[SetPoint<f64>; JOINTS]; FINGERS]> {
+) -> Vec<[[SetPoint; JOINTS]; FINGERS]> {
     let point = |tick: usize, finger: usize, joint: usize| {
         let (low, high) = (limits[finger].low[joint], limits[finger].high[joint]);
         // Whole swings in all ticks.

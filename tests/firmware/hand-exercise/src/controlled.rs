@@ -28,7 +28,7 @@ fn ticks(
     digest: &mut Digest,
     hand: &Shipped,
     finger: &Finger,
-    mechanism: impl Dynamics<f64, 4>,
+    mechanism: impl Dynamics<4>,
 ) -> Option<()> {
     let mut controller = FingerController::new(hand, finger, mechanism).ok()?;
     let gravity = Vector3::from(hand.gravity);
@@ -82,13 +82,13 @@ fn ticks(
         }
         // The tendons follow, and the joints wander.
         sensed.tension = tick.output.tension;
-        sensed.position += between.vector::<f64, 4>(-1e-3, 1e-3);
+        sensed.position += between.vector(-1e-3, 1e-3);
     }
     Some(())
 }
 
 /// Changes a joint as a user does before a tick.
-fn change<M: Dynamics<f64, 4>>(
+fn change<M: Dynamics<4>>(
     digest: &mut Digest,
     controller: &mut FingerController<M, 4>,
     number: u32,
@@ -180,7 +180,7 @@ pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 }
 
 /// Returns the set-points of all joints.
-fn finger_points(closing: f64) -> [SetPoint<f64>; 4] {
+fn finger_points(closing: f64) -> [SetPoint; 4] {
     [0.0, 0.85 + closing, 0.8 + closing, 0.55].map(SetPoint::rest)
 }
 
@@ -201,7 +201,7 @@ fn sense(
     digest: &mut Digest,
     described: &Finger,
     finger: &plant::SimFinger<PlanarFinger, 4>,
-) -> FingerReadings<f64, 4> {
+) -> FingerReadings<4> {
     let mut sensed = finger.readings();
     let places = sensed.position.iter_mut().zip(&mut sensed.tension);
     for (joint, (position, tension)) in described.joints.iter().zip(places) {

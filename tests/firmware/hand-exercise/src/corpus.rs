@@ -1,11 +1,9 @@
 //! The input of the corpus.
 
-use condor_hand::Real;
-use condor_hand::math::real;
 use condor_hand::plant::Noise;
 use nalgebra::SVector;
 
-/// Finite numbers: zeros, subnormals of both widths, ordinary ones, whole turns, and large ones.
+/// Finite numbers: zeros, subnormals, tiny and ordinary ones, whole turns, and large ones.
 pub(crate) const FINITE: [f64; 24] = [
     0.0,
     -0.0,
@@ -43,8 +41,8 @@ pub(crate) const HOSTILE: [f64; 5] = [
 ];
 
 /// Returns all numbers, finite and hostile ones.
-pub(crate) fn any<T: Real>() -> impl Iterator<Item = T> {
-    FINITE.into_iter().chain(HOSTILE).map(real)
+pub(crate) fn any() -> impl Iterator<Item = f64> {
+    FINITE.into_iter().chain(HOSTILE)
 }
 
 /// Numbers of no pattern between two bounds.
@@ -58,11 +56,11 @@ impl Between {
         Self { noise }
     }
 
-    pub(crate) fn one<T: Real>(&mut self, low: f64, high: f64) -> T {
-        real(low + (high - low) * self.noise.uniform())
+    pub(crate) fn one(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.noise.uniform()
     }
 
-    pub(crate) fn vector<T: Real, const N: usize>(&mut self, low: f64, high: f64) -> SVector<T, N> {
+    pub(crate) fn vector<const N: usize>(&mut self, low: f64, high: f64) -> SVector<f64, N> {
         SVector::from_fn(|_, _| self.one(low, high))
     }
 }
@@ -71,7 +69,7 @@ const HALF_TURN: f64 = core::f64::consts::PI;
 
 /// Returns postures: straight and folded ones, which are singular; each of [`FINITE`] at all joints and at
 /// one; and many of no pattern.
-pub(crate) fn postures<T: Real>() -> impl Iterator<Item = SVector<T, 4>> {
+pub(crate) fn postures() -> impl Iterator<Item = SVector<f64, 4>> {
     let singular = [
         [0.0, 0.0, 0.0, 0.0],
         [0.3, -0.0, 0.0, -0.0],
@@ -81,12 +79,12 @@ pub(crate) fn postures<T: Real>() -> impl Iterator<Item = SVector<T, 4>> {
         [-0.2, 1.2, HALF_TURN, HALF_TURN],
         [0.0, -HALF_TURN / 2.0, 0.0, 0.0],
     ];
-    let singular = singular.into_iter().map(|q| SVector::from(q.map(real)));
-    let same = FINITE.into_iter().map(|angle| SVector::repeat(real(angle)));
+    let singular = singular.into_iter().map(SVector::from);
+    let same = FINITE.into_iter().map(SVector::repeat);
     let one = FINITE.into_iter().map(|angle| {
-        let mut q = SVector::<T, 4>::repeat(real(0.4));
+        let mut q = SVector::<f64, 4>::repeat(0.4);
         if let Some(joint) = q.iter_mut().nth(2) {
-            *joint = real(angle);
+            *joint = angle;
         }
         q
     });

@@ -1,4 +1,3 @@
-use condor_hand::Real;
 use condor_hand::tendon::TendonPairs;
 use condor_hand::trajectory::SetPoint;
 
@@ -37,10 +36,9 @@ impl Digest {
     }
 
     /// Adds a number that must not be a NaN.
-    pub(crate) fn number<T: Real>(&mut self, value: T) {
-        let value = value.to_f64();
+    pub(crate) fn number(&mut self, value: f64) {
         self.spoilt |= value.is_nan();
-        self.bits(if value.is_nan() { NAN } else { value.to_bits() });
+        self.reading(value);
     }
 
     /// Adds a number that may be a NaN.
@@ -48,20 +46,20 @@ impl Digest {
         self.bits(if value.is_nan() { NAN } else { value.to_bits() });
     }
 
-    pub(crate) fn numbers<'a, T: Real>(&mut self, values: impl IntoIterator<Item = &'a T>) {
+    pub(crate) fn numbers<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
         for &value in values {
             self.number(value);
         }
     }
 
-    pub(crate) fn pairs<T: Real, const N: usize>(&mut self, pairs: &TendonPairs<T, N>) {
+    pub(crate) fn pairs<const N: usize>(&mut self, pairs: &TendonPairs<f64, N>) {
         for pair in pairs {
             self.number(pair.flexor);
             self.number(pair.extensor);
         }
     }
 
-    pub(crate) fn point<T: Real>(&mut self, point: &SetPoint<T>) {
+    pub(crate) fn point(&mut self, point: &SetPoint) {
         self.number(point.position);
         self.number(point.velocity);
         self.number(point.acceleration);

@@ -1,11 +1,9 @@
-use condor_hand::Real;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::{
     ContactFriction, Contacts, FingerState, GraspStiffness, GraspTuning, Normals, Posture,
     SpatialGain, Squeeze, TorqueLimits, TuningSurface, Wrench,
 };
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::math::real;
 use nalgebra::{SVector, Vector3};
 
 use crate::Shipped;
@@ -26,35 +24,30 @@ const CENTER: [f64; 3] = [0.07, 0.005, -0.06];
 
 /// Runs the law of a held object that is moved, pushed, overloaded and lost.
 pub(crate) fn grasps(digest: &mut Digest, hand: &Shipped) -> Option<()> {
-    held::<f64>(digest, hand)?;
-    held::<f32>(digest, hand)
-}
-
-fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let fingers = [
-        planar::<T>(hand, 0)?,
+        planar(hand, 0)?,
         planar(hand, 1)?,
         planar(hand, 2)?,
         planar(hand, 3)?,
     ];
-    let gravity = Vector3::from(hand.gravity).map(real);
+    let gravity = Vector3::from(hand.gravity);
     let mut between = Between::seeded(9);
     let engaged = states(&fingers, &gravity, 0.0, &mut between);
-    let mut tuning = tuning::<T>()?;
+    let mut tuning = tuning()?;
     let mut grasp = GraspStiffness::engage(&engaged, tuning).ok()?;
     for step in 0..60_u32 {
         // Displaced by ever more, until the displacement is not rigid any more.
         let size = 0.002 * f64::from(step / 2);
         if step == 20 {
-            tuning.limits = [TorqueLimits::symmetric(&SVector::repeat(real(0.15))); 4];
-            tuning.friction = ContactFriction::point(real(0.5)).ok()?;
+            tuning.limits = [TorqueLimits::symmetric(&SVector::repeat(0.15)); 4];
+            tuning.friction = ContactFriction::point(0.5).ok()?;
             grasp.set_tuning(tuning).ok()?;
         }
         let mut states = states(&fingers, &gravity, size, &mut between);
         if step % 8 == 7 {
             let hostile = HOSTILE.into_iter().cycle().nth(step as usize / 8)?;
             let [first, ..] = &mut states;
-            first.tip.x = real(hostile);
+            first.tip.x = hostile;
         }
         let output = grasp.update(&states).ok();
         let Some(output) = digest.answer(output) else {
@@ -85,11 +78,11 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 }
 
 /// Computes the forces with which the fingers must press.
-fn squeezes<T: Real>(
+fn squeezes(
     digest: &mut Digest,
-    tuning: &GraspTuning<T, 4, 4>,
-    states: &[FingerState<T, 4>; 4],
-    forces: &[Vector3<T>; 4],
+    tuning: &GraspTuning<4, 4>,
+    states: &[FingerState<4>; 4],
+    forces: &[Vector3<f64>; 4],
 ) -> Option<()> {
     let contacts = Contacts::new(states.map(|state| state.tip)).ok();
     let contacts = digest.answer(contacts)?;
@@ -106,38 +99,38 @@ fn squeezes<T: Real>(
     Some(())
 }
 
-fn tuning<T: Real>() -> Option<GraspTuning<T, 4, 4>> {
-    let center = Vector3::from(CENTER).map(real);
+fn tuning() -> Option<GraspTuning<4, 4>> {
+    let center = Vector3::from(CENTER);
     Some(GraspTuning {
-        stiffness: SpatialGain::diagonal([200.0, 250.0, 150.0, 0.1, 0.12, 0.09].map(real)).ok()?,
-        damping: SpatialGain::diagonal([2.0, 2.0, 2.0, 1e-3, 2e-3, 1e-3].map(real)).ok()?,
+        stiffness: SpatialGain::diagonal([200.0, 250.0, 150.0, 0.1, 0.12, 0.09]).ok()?,
+        damping: SpatialGain::diagonal([2.0, 2.0, 2.0, 1e-3, 2e-3, 1e-3]).ok()?,
         center,
         feed_forward: Wrench {
-            force: Vector3::new(T::zero(), T::zero(), real(0.5)),
+            force: Vector3::new(0.0, 0.0, 0.5),
             moment: Vector3::zeros(),
         },
-        squeeze: Squeeze::equal(real(1.5)).ok()?,
+        squeeze: Squeeze::equal(1.5).ok()?,
         surface: TuningSurface::Ball(center),
-        friction: ContactFriction::point(real(0.8)).ok()?,
+        friction: ContactFriction::point(0.8).ok()?,
         posture: Posture {
-            stiffness: real(0.05),
-            damping: real(1e-3),
+            stiffness: 0.05,
+            damping: 1e-3,
         },
         limits: [TorqueLimits::none(); 4],
     })
 }
 
 /// Returns the states that the fingers measure, at most `size` rad from the posture of the grasp.
-fn states<T: Real>(
-    fingers: &[PlanarFinger<T>; 4],
-    gravity: &Vector3<T>,
+fn states(
+    fingers: &[PlanarFinger; 4],
+    gravity: &Vector3<f64>,
     size: f64,
     between: &mut Between,
-) -> [FingerState<T, 4>; 4] {
+) -> [FingerState<4>; 4] {
     let mut postures = POSTURES.into_iter();
     fingers.each_ref().map(|finger| {
         let q = postures.next().unwrap_or_default();
-        let q = SVector::from(q.map(real)) + between.vector(-size, size);
+        let q = SVector::from(q) + between.vector(-size, size);
         let rates = between.vector(-size, size);
         FingerState::new(finger, &q, &rates, &finger.gravity_torque(&q, gravity))
     })

@@ -1,43 +1,28 @@
 use condor_hand::dynamics::Dynamics;
-use condor_hand::kinematics::{JointLimits, Kinematics, PlanarFinger, Rod};
-use condor_hand::math::real;
-use condor_hand::{Pose, Real};
+use condor_hand::kinematics::{JointLimits, Kinematics, PlanarFinger};
 use nalgebra::{SVector, Vector3};
 
 use crate::Shipped;
 use crate::corpus::{Between, HOSTILE, postures};
 use crate::digest::Digest;
 
-/// Returns a finger of the shipped hand in another width.
-pub(crate) fn planar<T: Real>(hand: &Shipped, finger: usize) -> Option<PlanarFinger<T>> {
-    let finger = hand.fingers.get(finger)?.planar()?;
-    let base = Pose {
-        rotation: finger.base().rotation.map(real),
-        position: finger.base().position.map(real),
-    };
-    let bodies = finger.bodies().map(|body| Rod {
-        mass: real(body.mass),
-        center: real(body.center),
-        inertia: body.inertia.map(real),
-    });
-    PlanarFinger::new(base, finger.lengths().map(real), bodies).ok()
+/// Returns a finger of the shipped hand.
+pub(crate) fn planar(hand: &Shipped, finger: usize) -> Option<PlanarFinger> {
+    hand.fingers.get(finger)?.planar()
 }
 
 /// Computes poses, Jacobians and the quantities that are made of them.
 pub(crate) fn kinematics(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     // The index finger and the thumb, which is turned.
     for finger in [0, 3] {
-        let wide = planar::<f64>(hand, finger)?;
-        let narrow = planar::<f32>(hand, finger)?;
-        moved(digest, &wide);
-        moved(digest, &wide.chain());
-        moved(digest, &narrow);
-        moved(digest, &narrow.chain());
+        let finger = planar(hand, finger)?;
+        moved(digest, &finger);
+        moved(digest, &finger.chain());
     }
     Some(())
 }
 
-fn moved<T: Real>(digest: &mut Digest, finger: &impl Kinematics<T, 4>) {
+fn moved(digest: &mut Digest, finger: &impl Kinematics<4>) {
     for q in postures() {
         let (pose, jacobian) = finger.kinematics(&q);
         digest.numbers(&pose.rotation);
@@ -77,18 +62,15 @@ pub(crate) fn nearest(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 
 /// Computes torques for accelerations, and accelerations for torques.
 pub(crate) fn dynamics(digest: &mut Digest, hand: &Shipped) -> Option<()> {
-    let wide = planar::<f64>(hand, 3)?;
-    let narrow = planar::<f32>(hand, 3)?;
-    driven(digest, &wide);
-    driven(digest, &wide.chain());
-    driven(digest, &narrow);
-    driven(digest, &narrow.chain());
+    let finger = planar(hand, 3)?;
+    driven(digest, &finger);
+    driven(digest, &finger.chain());
     Some(())
 }
 
-fn driven<T: Real>(digest: &mut Digest, finger: &impl Dynamics<T, 4>) {
+fn driven(digest: &mut Digest, finger: &impl Dynamics<4>) {
     let mut between = Between::seeded(3);
-    let gravity = Vector3::new(real(0.5), real(-0.25), real(-9.81));
+    let gravity = Vector3::new(0.5, -0.25, -9.81);
     for q in postures() {
         let rates = between.vector(-10.0, 10.0);
         let accelerations = between.vector(-300.0, 300.0);
@@ -98,14 +80,14 @@ fn driven<T: Real>(digest: &mut Digest, finger: &impl Dynamics<T, 4>) {
         digest.numbers(&finger.gravity_torque(&q, &gravity));
         digest.numbers(&finger.mass_matrix(&q));
         for armature in [0.0, 1.6e-5] {
-            let armature = SVector::repeat(real(armature));
+            let armature = SVector::repeat(armature);
             let found = finger.forward_dynamics(&q, &rates, &torque, &gravity, &armature);
             if let Some(found) = digest.answer(found) {
                 digest.numbers(&found);
             }
         }
         for hostile in HOSTILE {
-            let torque = SVector::repeat(real(hostile));
+            let torque = SVector::repeat(hostile);
             let found = finger.forward_dynamics(&q, &rates, &torque, &gravity, &SVector::zeros());
             if let Some(found) = digest.answer(found) {
                 digest.numbers(&found);

@@ -1,5 +1,3 @@
-use condor_hand::Real;
-use condor_hand::math::real;
 use condor_hand::trajectory::{
     Begin, Bounds, Generator, Happening, Interpolator, MotionEnd, MotionError, MotionGuard,
     Observations, Pace, Polynomial, Primitive, Profile, ProfileLimits, ProfilePeaks, Segments,
@@ -13,12 +11,7 @@ use crate::digest::Digest;
 /// Samples of one profile, from before its begin to after its end.
 const SAMPLES: u32 = 9;
 
-fn sampled<T: Real>(
-    digest: &mut Digest,
-    duration: T,
-    peaks: &ProfilePeaks<T>,
-    at: impl Fn(T) -> SetPoint<T>,
-) {
+fn sampled(digest: &mut Digest, duration: f64, peaks: &ProfilePeaks, at: impl Fn(f64) -> SetPoint) {
     digest.numbers(&[
         duration,
         peaks.low,
@@ -28,19 +21,14 @@ fn sampled<T: Real>(
     ]);
     for sample in 0..SAMPLES {
         let share = (f64::from(sample) - 1.0) / f64::from(SAMPLES - 3);
-        digest.point(&at(duration * real(share)));
+        digest.point(&at(duration * share));
     }
 }
 
 /// Computes polynomials, splines and time-optimal motions between states of all kinds.
 pub(crate) fn profiles(digest: &mut Digest, _: &Shipped) -> Option<()> {
-    between_states::<f64>(digest)?;
-    between_states::<f32>(digest)
-}
-
-fn between_states<T: Real>(digest: &mut Digest) -> Option<()> {
     let mut between = Between::seeded(7);
-    let ends = FINITE.into_iter().chain(HOSTILE).map(real::<T>);
+    let ends = FINITE.into_iter().chain(HOSTILE);
     for end in ends {
         for moving in [0.0, 1.0] {
             let start = SetPoint {
@@ -57,10 +45,10 @@ fn between_states<T: Real>(digest: &mut Digest) -> Option<()> {
                     sampled(digest, found.duration(), &found.peaks(), |t| found.at(t));
                 }
             }
-            for jerk in [None, Some(real(2e4))] {
+            for jerk in [None, Some(2e4)] {
                 let bounds = Bounds {
-                    velocity: real(3.0),
-                    acceleration: real(200.0),
+                    velocity: 3.0,
+                    acceleration: 200.0,
                     jerk,
                 };
                 let found = Segments::fastest(&start, end, &bounds);
@@ -70,7 +58,7 @@ fn between_states<T: Real>(digest: &mut Digest) -> Option<()> {
                 sampled(digest, fastest.duration(), &fastest.peaks(), |t| {
                     fastest.at(t)
                 });
-                let longer = fastest.duration() * real(1.5);
+                let longer = fastest.duration() * 1.5;
                 let found = Segments::lasting(&start, end, &bounds, longer);
                 if let Some(found) = digest.answer(found.ok().flatten()) {
                     sampled(digest, found.duration(), &found.peaks(), |t| found.at(t));
@@ -79,10 +67,10 @@ fn between_states<T: Real>(digest: &mut Digest) -> Option<()> {
         }
     }
     for _ in 0..20 {
-        let times = [0.0, 0.3, 0.4, 1.1, 2.0].map(real);
-        let positions: [T; 5] = core::array::from_fn(|_| between.one(-1.0, 1.0));
-        let velocities = (between.one(-1.0, 1.0), T::zero());
-        let spline = Spline::<T, 5>::clamped(&times, &positions, velocities).ok()?;
+        let times = [0.0, 0.3, 0.4, 1.1, 2.0];
+        let positions: [f64; 5] = core::array::from_fn(|_| between.one(-1.0, 1.0));
+        let velocities = (between.one(-1.0, 1.0), 0.0);
+        let spline = Spline::<5>::clamped(&times, &positions, velocities).ok()?;
         sampled(digest, spline.duration(), &spline.peaks(), |t| spline.at(t));
     }
     Some(())
@@ -94,37 +82,32 @@ const SUBSTEPS: u16 = 8;
 
 /// Runs primitives at 50 Hz, and servos at 400 Hz that follow them when some ticks do not come.
 pub(crate) fn motion(digest: &mut Digest, hand: &Shipped) -> Option<()> {
-    moves::<f64>(digest, hand)?;
-    moves::<f32>(digest, hand)
-}
-
-fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut joints = hand.fingers.iter().flat_map(|finger| &finger.joints);
     let mut limits = [ProfileLimits {
-        low: T::zero(),
-        high: T::one(),
-        velocity: T::one(),
-        acceleration: T::one(),
-        jerk: T::one(),
+        low: 0.0,
+        high: 1.0,
+        velocity: 1.0,
+        acceleration: 1.0,
+        jerk: 1.0,
     }; JOINTS];
     for (limits, joint) in limits.iter_mut().zip(&mut joints) {
         *limits = ProfileLimits {
-            low: real(joint.limits.low),
-            high: real(joint.limits.high),
-            velocity: real(joint.limits.velocity),
-            acceleration: real(joint.limits.acceleration),
-            jerk: real(3e4),
+            low: joint.limits.low,
+            high: joint.limits.high,
+            velocity: joint.limits.velocity,
+            acceleration: joint.limits.acceleration,
+            jerk: 3e4,
         };
     }
-    let start = limits.map(|limits| (limits.low + limits.high) * real(0.5));
-    let tick_s = real(1.0 / f64::from(hand.trajectory_hz));
+    let start = limits.map(|limits| (limits.low + limits.high) * 0.5);
+    let tick_s = 1.0 / f64::from(hand.trajectory_hz);
     let bounds = limits.map(|limits| Bounds {
         velocity: limits.velocity,
         acceleration: limits.acceleration,
         jerk: None,
     });
-    let mut generator = Generator::<JOINTS, 4, T>::new(limits, start, tick_s).ok()?;
-    let mut interpolator = Interpolator::<JOINTS, T>::new(SUBSTEPS, tick_s, start, bounds).ok()?;
+    let mut generator = Generator::<JOINTS, 4>::new(limits, start, tick_s).ok()?;
+    let mut interpolator = Interpolator::<JOINTS>::new(SUBSTEPS, tick_s, start, bounds).ok()?;
     let mut between = Between::seeded(8);
     let mut seen = Observations::none();
     for tick in 0..TICKS {
@@ -141,7 +124,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         // A torque that stops one of the motions, and sensors that say nothing of use.
         seen.torques = [between.one(0.0, if tick == 70 { 3.0 } else { 0.5 }); JOINTS];
         if tick % 32 == 31 {
-            seen.torques = [real(f64::NAN); JOINTS];
+            seen.torques = [f64::NAN; JOINTS];
         }
         let points = generator.tick(&seen);
         for point in &points {
@@ -158,8 +141,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
             digest.answer(taken.ok());
         }
         if tick == 150 {
-            let nonsense =
-                HOSTILE.map(|value| interpolator.tick(&[SetPoint::rest(real(value)); JOINTS]));
+            let nonsense = HOSTILE.map(|value| interpolator.tick(&[SetPoint::rest(value); JOINTS]));
             for taken in nonsense {
                 digest.answer(taken.ok());
             }
@@ -175,19 +157,19 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 }
 
 /// Returns the primitive that begins with a tick, if one does.
-fn primitive<T: Real>(
+fn primitive(
     tick: u32,
-    limits: &[ProfileLimits<T>; JOINTS],
+    limits: &[ProfileLimits; JOINTS],
     between: &mut Between,
-) -> Option<Result<Primitive<JOINTS, T>, MotionError>> {
+) -> Option<Result<Primitive<JOINTS>, MotionError>> {
     let (profile, pace) = match tick {
-        1 => (Profile::Trapezoid, Pace::Speed(real(0.5))),
-        3 => (Profile::JerkLimited, Pace::Speed(real(0.3))),
-        5 => (Profile::MinimumJerk, Pace::Duration(real(0.8))),
-        60 => (Profile::Cubic, Pace::Duration(real(1.2))),
-        120 => (Profile::Trapezoid, Pace::Speed(real(1.0))),
-        125 => (Profile::JerkLimited, Pace::Speed(real(1.0))),
-        190 => (Profile::MinimumJerk, Pace::Duration(real(0.01))),
+        1 => (Profile::Trapezoid, Pace::Speed(0.5)),
+        3 => (Profile::JerkLimited, Pace::Speed(0.3)),
+        5 => (Profile::MinimumJerk, Pace::Duration(0.8)),
+        60 => (Profile::Cubic, Pace::Duration(1.2)),
+        120 => (Profile::Trapezoid, Pace::Speed(1.0)),
+        125 => (Profile::JerkLimited, Pace::Speed(1.0)),
+        190 => (Profile::MinimumJerk, Pace::Duration(0.01)),
         _ => return None,
     };
     let mut primitive = Primitive::new(pace, profile);
@@ -208,14 +190,11 @@ fn primitive<T: Real>(
         _ => Begin::After,
     };
     if tick == 60 {
-        let positions = limits.map(|limits| (limits.low + limits.high) * real(0.5));
+        let positions = limits.map(|limits| (limits.low + limits.high) * 0.5);
         // As many as there is room for.
-        let _ = primitive.vias.push(Via {
-            at: real(0.4),
-            positions,
-        });
+        let _ = primitive.vias.push(Via { at: 0.4, positions });
     }
-    primitive.stop.torque = (tick == 60).then_some(real(2.5));
+    primitive.stop.torque = (tick == 60).then_some(2.5);
     Some(Ok(primitive))
 }
 

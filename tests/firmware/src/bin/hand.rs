@@ -1,5 +1,5 @@
-//! `condor-hand`: the controller hierarchy of a hand, to the last bit. A hart has 64-bit floating-point
-//! registers; a Cortex-M4 has 32-bit ones, and 64 bits in software.
+//! `condor-hand`: the controller hierarchy of a hand, to the last bit. A hart computes with 64 bits in
+//! registers, a Cortex-M4 in software.
 #![no_std]
 #![no_main]
 

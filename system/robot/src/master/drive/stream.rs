@@ -27,7 +27,7 @@ impl<W> Drive<'_, W> {
         identity: RequestIdentity,
         owner: SessionOwner,
         mask: u32,
-        limits: &[ProfileLimits<f64>; ALL],
+        limits: &[ProfileLimits; ALL],
     ) -> Result<(), NumberError> {
         let positions = self.generator.set_points().map(|point| point.position);
         #[allow(clippy::cast_sign_loss, reason = "both are above zero")]
@@ -73,7 +73,7 @@ impl<W> Drive<'_, W> {
     }
 
     /// One tick of the stream: the generator has its joints where they are. Returns their set-points.
-    pub(in crate::master) fn stream(&mut self) -> Option<(u32, [SetPoint<f64>; ALL])> {
+    pub(in crate::master) fn stream(&mut self) -> Option<(u32, [SetPoint; ALL])> {
         let Streaming { request, cut } = self.stream.as_mut()?;
         let stream = &mut request.stream;
         for finger in (0..FINGERS).filter(|finger| self.loose >> finger & 1 == 1) {
