@@ -50,9 +50,8 @@
 //! | `crosses` of a joint | [`Crossing`]: a proximal joint that its tendons have arms at too |
 //! | `adc`, `dac` | [`InputChannel`] and [`OutputChannel`]: board, channel and calibration |
 //!
-//! A choice is a word or a table with one key: `rectification = "hard"`, or
-//! `rectification = { smooth = { softness_n = 3.0 } }`. So are a [`Form`], a [`Rotation`],
-//! a [`JointMotion`] and a [`Shape`].
+//! A choice is a word or a table with one key, such as `shape = { cuboid = [0.04, 0.02, 0.02] }`: a [`Form`], a
+//! [`Rotation`], a [`JointMotion`] and a [`Shape`].
 //!
 //! Joints need not repeat values. A value that a joint leaves out is taken from `joint_defaults` of
 //! its finger, then from the joint at the same place of the finger that its finger is `like`, and

@@ -5,6 +5,7 @@
 //! [tendon]: mod@tendon
 //! [controller]: mod@controller
 //! [control]: mod@control
+//! [transmission]: mod@transmission
 //! [kinematics]: mod@kinematics
 //! [dynamics]: mod@dynamics
 //! [config]: mod@config
@@ -42,6 +43,7 @@ pub mod kinematics;
 pub mod math;
 mod number;
 mod pose;
+pub mod transmission;
 
 // A hand to try them on.
 #[cfg(feature = "sim")]

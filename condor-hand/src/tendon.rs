@@ -1,12 +1,10 @@
 //! From torques of joints to tensions of antagonistic tendons, and to the commands of actuators.
 
-mod allocation;
 mod arms;
 pub mod fault;
 mod pair;
 mod servo;
 
-pub use allocation::{AllocatedTensions, Rectification, TensionAllocation};
-pub use arms::MomentArms;
+pub use arms::{AllocatedTensions, MomentArms};
 pub use pair::{Pair, TendonPairs};
 pub use servo::{TensionGains, TensionServos};

@@ -65,7 +65,7 @@ pub(crate) fn strokes<P: Plant>(configuration: &Configuration, plant: P) -> Resu
         .iter()
         .flat_map(|finger| &finger.joints);
     let least_n = joints
-        .map(|joint| joint.tension_range().0)
+        .map(|joint| min(joint.flexor.min_n, joint.extensor.min_n))
         .fold(f64::MAX, min);
     let mut errors = Errors {
         slack_n: f64::MIN,

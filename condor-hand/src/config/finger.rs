@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{InputChannel, Limits, Name, OutputChannel, Rotation};
 use crate::Pose;
-use crate::tendon::{Rectification, TensionGains};
+use crate::tendon::TensionGains;
+use crate::transmission::EffortLimits;
 
 /// The configuration of one finger: a serial mechanism in which a pair of tendons, a flexor and an
 /// extensor, pulls each joint.
@@ -86,8 +87,6 @@ pub struct Joint<const JOINTS: usize> {
     /// The friction and the inertia of its drive.
     #[serde(default)]
     pub friction: JointFriction,
-    /// The way in which its torque becomes two tensions.
-    pub rectification: Rectification,
     /// The sensor of its position.
     pub adc: InputChannel,
     /// The tendon that pulls it to positive angles.
@@ -257,6 +256,8 @@ pub struct Tendon {
     pub min_n: f64,
     /// The largest tension of its actuator, N.
     pub max_n: f64,
+    /// The tension that it has where the torques of the joints leave a choice, N; `None` means the least one.
+    pub bias_n: Option<f64>,
     /// The tension below which it is slack, N.
     pub slack_n: f64,
     /// The tension above which it may break, N.
@@ -291,6 +292,18 @@ impl Placement {
         Pose {
             rotation: self.rotation.matrix(),
             position: Vector3::from(self.position),
+        }
+    }
+}
+
+impl Tendon {
+    /// Returns the limits of its tension, N.
+    #[must_use]
+    pub fn limits(&self) -> EffortLimits {
+        EffortLimits {
+            low: self.min_n,
+            high: self.max_n,
+            bias: self.bias_n.unwrap_or(self.min_n),
         }
     }
 }

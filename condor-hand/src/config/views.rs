@@ -13,6 +13,7 @@ use crate::math::clamp;
 use crate::number::is_within;
 use crate::tendon::{MomentArms, Pair, TendonPairs};
 use crate::trajectory::{self, Primitive, Target};
+use crate::transmission::EffortLimits;
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Returns the processor with this number; `None` if the hand has no such processor.
@@ -198,7 +199,7 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         }
     }
 
-    /// Returns the moment arms of the finger's tendons, as the servos need them.
+    /// Returns the arms and limits of the finger's tendons, as the servos need them.
     ///
     /// If the finger has fewer than `JOINTS` joints, each missing joint gets two tendons with arms
     /// of 1 m that cross no other joint. So zero torque at such a joint needs zero tension.
@@ -231,7 +232,20 @@ impl<const JOINTS: usize> Finger<JOINTS> {
                 };
             }
         }
-        MomentArms::new(rows)
+        // No torque asks for a missing tendon, but it has some range.
+        let missing = EffortLimits {
+            low: 0.0,
+            high: 1.0,
+            bias: 0.0,
+        };
+        let limits = core::array::from_fn(|joint| {
+            let joint = self.joints.get(joint);
+            joint.map_or(Pair::both(missing), |joint| Pair {
+                flexor: joint.flexor.limits(),
+                extensor: joint.extensor.limits(),
+            })
+        });
+        MomentArms::new(rows, limits)
     }
 
     /// Returns the closed-form model of a finger of the form [`Form::Planar`]. Returns `None` for
@@ -305,17 +319,6 @@ impl<const JOINTS: usize> Finger<JOINTS> {
 }
 
 impl<const JOINTS: usize> Joint<JOINTS> {
-    /// Returns the range of tensions that are possible for both tendons of the joint,
-    /// `(least, largest)` in N: from the greater of the two minima to the smaller of the two
-    /// maxima.
-    #[must_use]
-    pub fn tension_range(&self) -> (f64, f64) {
-        (
-            crate::math::max(self.flexor.min_n, self.extensor.min_n),
-            crate::math::min(self.flexor.max_n, self.extensor.max_n),
-        )
-    }
-
     /// Returns the range of positions at which the joint can rest, `(lowest, highest)` in rad: its
     /// limits without the zones of its soft stops.
     #[must_use]

@@ -9,7 +9,7 @@ use crate::tendon::fault::{
     FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck, TendonFaultLimits,
     Threshold,
 };
-use crate::tendon::{Pair, Rectification, TensionAllocation, TensionGains};
+use crate::tendon::{Pair, TensionGains};
 
 /// A sensor of this many counts moves by noise.
 const NOISE_COUNTS: f64 = 1.5;
@@ -91,16 +91,15 @@ impl<const N: usize> Finger<N> {
         })
     }
 
-    /// Returns the least tensions that the finger's tendons always keep, N: for both tendons of a
-    /// joint, the greater of their two minima. Elements without a joint are zero.
+    /// Returns the least tensions that the finger's tendons always keep, N. Elements without a joint are zero.
     #[must_use]
     pub fn least_tensions(&self) -> [Pair<f64>; N] {
         core::array::from_fn(|joint| {
-            Pair::both(
-                self.joints
-                    .get(joint)
-                    .map_or(0.0, |joint| joint.tension_range().0),
-            )
+            let joint = self.joints.get(joint);
+            joint.map_or(Pair::both(0.0), |joint| Pair {
+                flexor: joint.flexor.min_n,
+                extensor: joint.extensor.min_n,
+            })
         })
     }
 }
@@ -193,7 +192,6 @@ impl<const N: usize> Joint<N> {
     /// The settings of the joint's servo.
     fn settings(&self) -> JointSettings {
         let joint = self;
-        let (min_n, max_n) = joint.tension_range();
         let servo = &joint.servo;
         // The distance from its set-point at which friction can hold a joint that has nothing but its drive.
         let w = core::f64::consts::TAU * servo.bandwidth_hz;
@@ -229,11 +227,6 @@ impl<const N: usize> Joint<N> {
                 bandwidth_hz: joint.stop.bandwidth_hz,
                 damping_ratio: joint.stop.damping_ratio,
             },
-            allocation: TensionAllocation {
-                rectification: joint.rectification,
-                min_n,
-                max_n,
-            },
             rate_change: PLAUSIBLE_RATE * joint.limits.velocity,
             resolution_rad: crate::math::abs(joint.adc.gain),
             frozen_rad: FROZEN_COUNTS * crate::math::abs(joint.adc.gain) + 2.0 * held_rad,
@@ -259,12 +252,6 @@ fn absent(sample_hz: f64) -> JointSettings {
             tension: Pair::both(TensionGains::default()),
         },
         stop: SoftStop::default(),
-        allocation: TensionAllocation {
-            rectification: Rectification::Hard,
-            min_n: 0.0,
-            // No torque asks for it, but a servo has some range.
-            max_n: 1.0,
-        },
         rate_change: f64::MAX,
         resolution_rad: 0.0,
         frozen_rad: f64::MAX,

@@ -6,7 +6,7 @@ use crate::controller::{FingerController, FingerTick};
 use crate::dynamics::Dynamics;
 use crate::servo::{FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
 use crate::tendon::fault::FingerFault;
-use crate::tendon::{Pair, Rectification, TendonPairs, TensionGains};
+use crate::tendon::{Pair, TendonPairs, TensionGains};
 use crate::trajectory::{SetPoint, StopGuard};
 use nalgebra::{SVector, Vector3};
 
@@ -45,7 +45,7 @@ pub fn run(bytes: &[u8]) {
 /// Changes a number of the configuration.
 fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
     let joint = source.below(4);
-    let kind = source.below(34);
+    let kind = source.below(33);
     let of_joint = &mut hand.fingers[finger].joints[joint];
     let place: &mut f64 = match kind {
         0 => &mut hand.transition_s,
@@ -102,21 +102,9 @@ fn vary_joint(joint: &mut Joint<4>, kind: usize, source: &mut Source<'_>) {
             joint.servo.law = ServoLaw::Pd;
             return;
         }
-        29 => {
-            joint.rectification = Rectification::Hard;
-            return;
-        }
-        30 => {
-            let co_contraction_n = source.number(20.0);
-            joint.rectification = Rectification::Mean { co_contraction_n };
-            return;
-        }
-        31 => {
-            let softness_n = source.number(3.0);
-            joint.rectification = Rectification::Smooth { softness_n };
-            return;
-        }
-        32 => match &mut joint.body {
+        29 => joint.flexor.bias_n.insert(20.0),
+        30 => joint.extensor.bias_n.insert(20.0),
+        31 => match &mut joint.body {
             Some(body) => &mut body.mass_kg,
             None => return,
         },

@@ -14,8 +14,9 @@ use crate::control::{Derivative, LowPass};
 use crate::dynamics::{DriveDynamics, Dynamics};
 use crate::math::is_finite;
 use crate::number::{NumberError, Requirement, count, positive};
-use crate::tendon::{MomentArms, Pair, TendonPairs, TensionAllocation};
+use crate::tendon::{MomentArms, Pair, TendonPairs};
 use crate::trajectory::SetPoint;
+use crate::transmission::EffortLimits;
 
 /// The readings of all sensors of a finger in one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,7 +63,7 @@ pub struct FingerServo<M, const N: usize> {
     mechanism: M,
     arms: MomentArms<N>,
     drive: DriveDynamics<N>,
-    allocation: [TensionAllocation; N],
+    limits: TendonPairs<EffortLimits, N>,
     joints: [JointServo; N],
     position_filters: LowPass<N>,
     velocities: Derivative<N>,
@@ -96,11 +97,13 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         let sample_hz = settings.sample_hz;
         let mut joints = heapless::Vec::<_, N>::new();
         let inertias = least_inertias(&mechanism, settings);
-        let all = settings.joints.iter().zip(arms.rows()).zip(inertias);
-        for (joint, ((of_joint, row), inertia)) in all.enumerate() {
-            let own = row.get(joint).copied().unwrap_or(Pair::both(0.0));
+        let limits = arms.limits();
+        let all = settings.joints.iter().zip(&limits).zip(inertias);
+        for (joint, ((of_joint, limits), inertia)) in all.enumerate() {
+            let torque = arms.torque_range(joint);
             let wrong = |error: NumberError| error.at(Subject::Joint(joint as u16));
-            let servo = JointServo::new(of_joint, own, inertia, sample_hz).map_err(wrong)?;
+            let servo =
+                JointServo::new(of_joint, torque, limits, inertia, sample_hz).map_err(wrong)?;
             LowPass::new([of_joint.position_cutoff_hz], sample_hz).map_err(wrong)?;
             Derivative::new([of_joint.velocity_cutoff_hz], sample_hz).map_err(wrong)?;
             // There is room for N.
@@ -117,13 +120,12 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         };
         let position_cutoffs_hz = settings.joints.map(|joint| joint.position_cutoff_hz);
         let velocity_cutoffs_hz = settings.joints.map(|joint| joint.velocity_cutoff_hz);
-        let allocation = settings.joints.map(|joint| joint.allocation);
-        let desired = allocation.map(|joint| Pair::both(joint.min_n));
+        let desired = arms.at_rest();
         Ok(Self {
             mechanism,
             arms,
             drive: settings.drive,
-            allocation,
+            limits,
             joints,
             position_filters: LowPass::new(position_cutoffs_hz, sample_hz)?,
             velocities: Derivative::new(velocity_cutoffs_hz, sample_hz)?,
@@ -220,7 +222,7 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         self.holds = [None; N];
         self.changed = false;
         self.transition.end();
-        self.desired = self.allocation.map(|joint| Pair::both(joint.min_n));
+        self.desired = self.arms.at_rest();
     }
 
     /// The tensions with which joints that go by positions get these torques (N m), and all others what
@@ -234,9 +236,7 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
             JointTarget::Position(_) | JointTarget::Impedance { .. } => None,
             _ => has.get(joint).copied(),
         });
-        self.arms
-            .allocate_around(torque, &self.allocation, &given)
-            .tensions
+        self.arms.allocate_around(torque, &given).tensions
     }
 
     /// The positions, rad, that the next tick would go by, so many seconds after the last one, if no sensor
@@ -351,14 +351,14 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
 
         let torque = self.torques(&position, &velocity, &tension, gravity, elapsed.seconds);
         let given = core::array::from_fn(|joint| self.joints.get(joint)?.given_tensions());
-        let allocated = self.arms.allocate_around(&torque, &self.allocation, &given);
+        let allocated = self.arms.allocate_around(&torque, &given);
         let before = core::mem::replace(&mut self.desired, allocated.tensions);
         if core::mem::take(&mut self.changed) {
             let kept = kept.as_ref().unwrap_or(&before);
             self.transition.begin(&before, kept, &self.desired);
         }
         self.transition
-            .smooth(&mut self.desired, &self.allocation, elapsed.periods);
+            .smooth(&mut self.desired, &self.limits, elapsed.periods);
 
         let rates = self.arms.length_rates(&velocity);
         let mut command = self.desired;

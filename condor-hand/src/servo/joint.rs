@@ -7,8 +7,9 @@ use super::{
 use crate::control::{Integrator, LowPass};
 use crate::math::{clamp, is_finite, min};
 use crate::number::{NumberError, not_negative};
-use crate::tendon::{Pair, TensionAllocation, TensionServos};
+use crate::tendon::{Pair, TensionServos};
 use crate::trajectory::SetPoint;
+use crate::transmission::EffortLimits;
 
 /// The servo of one joint, but what couples it to the others.
 #[derive(Clone, Copy, Debug)]
@@ -22,9 +23,10 @@ pub(super) struct JointServo {
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
     stop: SoftStop,
-    /// The torques that its own tendons can produce, N m.
+    /// The torques that tendons can give it, N m.
     torque: (f64, f64),
-    tension: (f64, f64),
+    /// The limits of its own tendons.
+    limits: Pair<EffortLimits>,
     integrator: Integrator,
     /// The spring and damper that act; the target's, but for a change that is under way.
     impedance: Impedance,
@@ -56,7 +58,8 @@ pub(super) struct Felt {
 impl JointServo {
     pub(super) fn new(
         settings: &JointSettings,
-        own: Pair<f64>,
+        torque: (f64, f64),
+        limits: &Pair<EffortLimits>,
         inertia: f64,
         sample_hz: f64,
     ) -> Result<Self, NumberError> {
@@ -66,18 +69,20 @@ impl JointServo {
         not_negative("the resolution of a sensor, rad,", settings.resolution_rad)?;
         let what = "the way without a change of a reading, rad,";
         not_negative(what, settings.frozen_rad)?;
-        let TensionAllocation { min_n, max_n, .. } = settings.allocation;
-        settings.allocation.check()?;
         Ok(Self {
             gains: settings.gains,
             target: JointTarget::Off,
-            tendons: TensionServos::new(settings.gains.tension.lanes(), max_n, sample_hz)?,
+            tendons: TensionServos::new(
+                settings.gains.tension.lanes(),
+                limits.lanes().map(|limits| limits.high),
+                sample_hz,
+            )?,
             tension_filter: LowPass::new(settings.tension_cutoff_hz.lanes(), sample_hz)?,
             mean: Mean::new(),
             seen: false,
             stop: settings.stop,
-            torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
-            tension: (min_n, max_n),
+            torque,
+            limits: *limits,
             integrator: settings.gains.integrator()?,
             impedance: Impedance::none(),
             left: 0.0,
@@ -103,11 +108,15 @@ impl JointServo {
         match *target {
             JointTarget::Off => {}
             JointTarget::Tension(pair) => {
-                within(TargetQuantity::Tension, pair.flexor, self.tension)?;
-                within(TargetQuantity::Tension, pair.extensor, self.tension)?;
+                for (tension, limits) in pair.lanes().into_iter().zip(self.limits.lanes()) {
+                    within(TargetQuantity::Tension, tension, (limits.low, limits.high))?;
+                }
             }
-            JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
-                within(TargetQuantity::Torque, torque, self.torque)?;
+            JointTarget::Torque(torque) => within(TargetQuantity::Torque, torque, self.torque)?,
+            // A grasp gets what the tendons can give.
+            JointTarget::Grasp(torque) => {
+                let any = (-f64::MAX, f64::MAX);
+                within(TargetQuantity::Torque, torque, any)?;
             }
             JointTarget::Position(point) => {
                 within(TargetQuantity::Position, point.position, limits)?;
@@ -323,7 +332,7 @@ impl JointServo {
     /// The tensions that are given to it, where it has no torque of its own.
     pub(super) fn given_tensions(&self) -> Option<Pair<f64>> {
         match self.target {
-            JointTarget::Off => Some(Pair::both(self.tension.0)),
+            JointTarget::Off => Some(self.limits.map(|limits| limits.at_rest())),
             JointTarget::Tension(pair) => Some(pair),
             JointTarget::Torque(_)
             | JointTarget::Position(_)

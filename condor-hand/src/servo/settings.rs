@@ -1,7 +1,7 @@
 use super::{PositionLaw, SoftStop};
 use crate::dynamics::DriveDynamics;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
-use crate::tendon::{Pair, TensionAllocation, TensionGains};
+use crate::tendon::{Pair, TensionGains};
 
 /// The gains of a joint, which can be changed while the joint runs.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -21,8 +21,6 @@ pub struct JointSettings {
     pub gains: JointGains,
     /// Its limits, with their soft stops.
     pub stop: SoftStop,
-    /// The way in which a torque becomes two tensions.
-    pub allocation: TensionAllocation,
     /// The greatest change of its rate from one tick to the next, rad/s; a reading with a greater
     /// change is implausible.
     pub rate_change: f64,

@@ -1,7 +1,8 @@
 //! [`Transition`] and [`Mean`]: how a finger's tensions pass from before a change to after it.
 
-use crate::math::{clamp, max};
-use crate::tendon::{Pair, TendonPairs, TensionAllocation};
+use crate::math::max;
+use crate::tendon::{Pair, TendonPairs};
+use crate::transmission::EffortLimits;
 
 /// The number of ticks within which a joint reaches the mean tensions that it takes over.
 const SETTLING_TICKS: f64 = 4.0;
@@ -108,14 +109,15 @@ impl<const N: usize> Transition<N> {
     pub(super) fn smooth(
         &mut self,
         tensions: &mut TendonPairs<f64, N>,
-        allocation: &[TensionAllocation; N],
+        limits: &TendonPairs<EffortLimits, N>,
         periods: f64,
     ) {
         if self.change.left > 0.0 || self.settling.left > 0.0 {
             self.change.add(tensions, periods);
             self.settling.add(tensions, periods);
-            for (tension, allocation) in tensions.iter_mut().zip(allocation) {
-                *tension = tension.map(|it| clamp(it, allocation.min_n, allocation.max_n));
+            for (tension, limits) in tensions.iter_mut().zip(limits) {
+                tension.flexor = limits.flexor.clamp(tension.flexor);
+                tension.extensor = limits.extensor.clamp(tension.extensor);
             }
         }
     }

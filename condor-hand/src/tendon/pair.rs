@@ -20,6 +20,11 @@ impl<T> Pair<T> {
         }
     }
 
+    /// A pair of lanes.
+    pub(crate) fn of([flexor, extensor]: [T; 2]) -> Self {
+        Self { flexor, extensor }
+    }
+
     /// Flexor and extensor as lanes.
     pub(crate) fn lanes(self) -> [T; 2] {
         [self.flexor, self.extensor]

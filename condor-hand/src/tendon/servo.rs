@@ -26,7 +26,7 @@ pub struct TensionGains {
 /// tension plus a feedback of the tension error.
 ///
 /// The command is `u = f + kt e + ki ∫ e dt + kd de/dt - kv ld`, with the desired tension f, the error
-/// `e = f - measured` and the rate ld of the tendon's length. It is limited to 0..=`max_n`, since an actuator cannot
+/// `e = f - measured` and the rate ld of the tendon's length. It is limited to 0..=`greatest`, since an actuator cannot
 /// push. The integral does not wind up while the command is at a limit. The rate of the error is the difference of two
 /// samples; filter noise before the servo.
 ///
@@ -40,7 +40,7 @@ pub struct TensionGains {
 #[derive(Clone, Copy, Debug)]
 pub struct TensionServos<const L: usize> {
     gains: [TensionGains; L],
-    max_n: f64,
+    greatest: [f64; L],
     sample_hz: f64,
     /// The integral terms, N.
     integrals: [Integrator; L],
@@ -51,20 +51,28 @@ pub struct TensionServos<const L: usize> {
 }
 
 impl<const L: usize> TensionServos<L> {
-    /// Makes servos with these gains, whose integrals are zero. Commands are at most `max_n` (N),
+    /// Makes servos with these gains, whose integrals are zero. Commands are at most `greatest` (N),
     /// and `sample_hz` is the number of calls of [`update`](Self::update) per second.
     ///
     /// # Errors
     /// [`NumberError`] for the first value that is negative or not finite.
-    pub fn new(gains: [TensionGains; L], max_n: f64, sample_hz: f64) -> Result<Self, NumberError> {
-        positive("the largest tension, N,", max_n)?;
+    pub fn new(
+        gains: [TensionGains; L],
+        greatest: [f64; L],
+        sample_hz: f64,
+    ) -> Result<Self, NumberError> {
+        let mut integrals = [Integrator::new(1.0)?; L];
+        for (integral, &greatest) in integrals.iter_mut().zip(&greatest) {
+            positive("the largest tension, N,", greatest)?;
+            *integral = Integrator::new(greatest)?;
+        }
         period(sample_hz)?;
         check(&gains)?;
         Ok(Self {
             gains,
-            max_n,
+            greatest,
             sample_hz,
-            integrals: [Integrator::new(max_n)?; L],
+            integrals,
             desired: [0.0; L],
             last_error: [0.0; L],
             has_last: [false; L],
@@ -89,7 +97,7 @@ impl<const L: usize> TensionServos<L> {
         self.has_last = [false; L];
     }
 
-    /// Runs one tick of all servos, and returns the commands of the actuators, 0..=`max_n` in N.
+    /// Runs one tick of all servos, and returns the commands of the actuators, 0..=`greatest` in N.
     /// `desired` and `measured` are tensions in N, and `length_rate` are the rates of the tendons'
     /// lengths in m/s.
     pub fn update(
@@ -121,7 +129,7 @@ impl<const L: usize> TensionServos<L> {
             let TensionGains { kt, ki, kd, kv } = self.gains[i];
             let is_measured = is_finite(measured[i]);
             if is_finite(asked[i]) {
-                self.desired[i] = clamp(asked[i], zero, self.max_n);
+                self.desired[i] = clamp(asked[i], zero, self.greatest[i]);
             }
             let desired = self.desired[i];
             let error = if is_measured {
@@ -142,7 +150,7 @@ impl<const L: usize> TensionServos<L> {
             };
             let rest = desired + kt * error + kd * rate - damping;
             let increment = ki * error * elapsed.seconds;
-            let output = self.integrals[i].update(rest, increment, zero, self.max_n);
+            let output = self.integrals[i].update(rest, increment, zero, self.greatest[i]);
             // Products of huge numbers can still overflow; then the actuator gets the open loop.
             command[i] = output.unwrap_or(desired);
         }

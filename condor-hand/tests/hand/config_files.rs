@@ -8,7 +8,6 @@ use condor_hand::config::{
     Channel, Converter, Form, Hand, InputChannel, Mistake, MistakeValue, OutputChannel, Rotation,
     Wire,
 };
-use condor_hand::tendon::Rectification;
 use condor_hand::{ImageError, Subject};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -323,13 +322,6 @@ proptest! {
 
 /// Hands near the Utah/MIT hand that are still hands.
 fn hands() -> impl Strategy<Value = Utah> {
-    let rectification = prop_oneof![
-        Just(Rectification::Hard),
-        (4.0..130.0).prop_map(|n| Rectification::Mean {
-            co_contraction_n: n
-        }),
-        (0.1..100.0).prop_map(|n| Rectification::Smooth { softness_n: n }),
-    ];
     let rotation = prop_oneof![
         Just(Rotation::None),
         prop::array::uniform3(-10.0..10.0).prop_map(Rotation::Rpy),
@@ -340,8 +332,9 @@ fn hands() -> impl Strategy<Value = Utah> {
     ];
     let numbers = vec(1e-6..1.0_f64, 8);
     let cutoff = proptest::option::of(1e-3..199.0_f64);
+    let bias = proptest::option::of(4.0..130.0);
     (
-        rectification,
+        bias,
         rotation,
         numbers,
         cutoff,
@@ -349,14 +342,7 @@ fn hands() -> impl Strategy<Value = Utah> {
         0..5_usize,
     )
         .prop_map(
-            |(rectification, rotation, numbers, cutoff, name, kept): (
-                _,
-                _,
-                Vec<f64>,
-                _,
-                String,
-                _,
-            )| {
+            |(bias, rotation, numbers, cutoff, name, kept): (_, _, Vec<f64>, _, String, _)| {
                 let mut hand = UTAH.clone();
                 hand.gravity[1] = -numbers[0] * 1e12;
                 hand.contact = None;
@@ -371,7 +357,7 @@ fn hands() -> impl Strategy<Value = Utah> {
                         lengths[3] *= numbers[1];
                     }
                     for joint in &mut finger.joints {
-                        joint.rectification = rectification;
+                        joint.extensor.bias_n = bias;
                         joint.servo.position_cutoff_hz = cutoff;
                         if cutoff.is_some() {
                             // Of most of these filters a stop would make the joint swing.

@@ -5,11 +5,11 @@
     reason = "a number of the file is the number of the hand, to the last bit"
 )]
 
-use condor_hand::config::{ControlProcessor, Form, Hand, OutputChannel, ProcessorKind};
+use condor_hand::config::{ControlProcessor, Form, Hand, OutputChannel, ProcessorKind, Shape};
 use condor_hand::math::{sin_cos, sqrt};
 use condor_hand::tendon::Pair;
-use condor_hand::tendon::Rectification;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_hand::transmission::EffortLimits;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
 
@@ -122,7 +122,13 @@ fn the_moment_arms_are_those_of_the_reference_data() {
                 }
             }
             for joint in &finger.joints {
-                assert_eq!(joint.tension_range(), (4.0, 130.0));
+                let limits = EffortLimits {
+                    low: 4.0,
+                    high: 130.0,
+                    bias: 7.0,
+                };
+                assert_eq!(joint.flexor.limits(), limits);
+                assert_eq!(joint.extensor.limits(), limits);
             }
         }
     }
@@ -186,13 +192,11 @@ fn a_hand_of_another_kind_is_described_too() {
     assert_eq!(chain.bodies()[0].inertia[(0, 1)], 1e-7);
     assert_eq!(chain.bodies()[0].inertia[(2, 1)], -1e-7);
     assert_eq!(chain.bodies()[2].mass, 0.0);
-    assert_eq!(finger.joints[2].tension_range(), (1.0, 30.0));
-    // From the finger that it is like, before what all joints have; the choices do not mix.
-    let mean = Rectification::Mean {
-        co_contraction_n: 5.0,
-    };
-    assert_eq!(finger.joints[2].rectification, mean);
-    assert_eq!(finger.joints[1].rectification, Rectification::Hard);
+    // From the finger that it is like, before what all joints have.
+    let limits = finger.joints[2].extensor.limits();
+    assert_eq!((limits.low, limits.high, limits.bias), (1.0, 30.0, 5.0));
+    let limits = finger.joints[1].flexor.limits();
+    assert_eq!((limits.low, limits.high, limits.bias), (1.0, 40.0, 1.0));
     let nail = &finger.joints[2].adc;
     assert_eq!((nail.channel, nail.bits, nail.gain), (15, 16, 1e-6));
     let servo = hand
@@ -254,14 +258,19 @@ fn a_processor_without_a_rate_has_that_of_its_kind() {
 
 #[test]
 fn a_choice_replaces_another_one_whole() {
-    let name = "name = \"middle\"\nlimits";
-    assert!(UTAH.contains(name));
-    let own = "name = \"middle\"\nrectification = { mean = { co_contraction_n = 9.0 } }\nlimits";
-    let hand = Hand::<4, 4>::from_toml(&UTAH.replace(name, own), "edited").unwrap();
-    let mean = Rectification::Mean {
-        co_contraction_n: 9.0,
+    let other = "name = \"middle\"\nlike = \"index\"";
+    assert!(UTAH.contains(other));
+    let inertia = "shape = { inertia = { moments = [2e-6, 3e-6, 4e-6] } }";
+    let (before, after) = UTAH.split_once(other).unwrap();
+    let joint = "[[fingers.joints]]\n";
+    let own = format!("{joint}body = {{ {inertia} }}\n");
+    let text = format!("{before}{other}{}", after.replacen(joint, &own, 1));
+    let hand = Hand::<4, 4>::from_toml(&text, "edited").unwrap();
+    let shape = Shape::Inertia {
+        moments: [2e-6, 3e-6, 4e-6],
+        products: [0.0; 3],
     };
-    assert_eq!(hand.fingers[0].joints[2].rectification, mean);
+    assert_eq!(hand.fingers[1].joints[0].body.unwrap().shape, shape);
 }
 
 #[test]

@@ -51,7 +51,7 @@ macro_rules! cases {
 cases! {
     a_stop_in_which_the_joint_would_swing: UTAH,
         "bandwidth_hz = 8.0" => "bandwidth_hz = 80.0",
-        "hand.toml:117:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; it must be at most 13.5545349121; with its servo and its actuators the joint would swing on a stiffer stop instead of coming to rest\n    80.0";
+        "hand.toml:116:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; it must be at most 13.5545349121; with its servo and its actuators the joint would swing on a stiffer stop instead of coming to rest\n    80.0";
     no_toml: UTAH,
         "servo_hz = 400 " => "servo_hz = = 400 ",
         "hand.toml:10:12: extra `=`, expected nothing\n    =";
@@ -63,7 +63,7 @@ cases! {
         "hand.toml:69:1: there is no key `max_m` here; did you mean `max_n`?\n    max_m";
     unknown_key_in_defaults: UTAH,
         "zeta = 1.0" => "zetta = 1.0",
-        "hand.toml:112:1: there is no key `zetta` here; did you mean `zeta`?\n    zetta";
+        "hand.toml:111:1: there is no key `zetta` here; did you mean `zeta`?\n    zetta";
     unknown_key_like_no_other: UTAH,
         "safety = 1.2" => "colour = 3",
         "hand.toml:29:1: there is no key `colour` here; it can be `friction`, `safety`\n    colour";
@@ -71,14 +71,14 @@ cases! {
         "kind = \"table\"" => "kind = \"tabel\"",
         "hand.toml:54:8: `tabel` is none of the choices here; did you mean `table`?\n    \"tabel\"";
     unknown_choice: UTAH,
-        "smooth = { softness_n = 3.0 }" => "smoothly = { softness_n = 3.0 }",
-        "hand.toml:98:19: `smoothly` is none of the choices here; did you mean `smooth`?\n    smoothly";
+        "planar = {" => "plenar = {",
+        "hand.toml:152:10: `plenar` is none of the choices here; did you mean `planar`?\n    plenar";
     two_choices: UTAH,
-        "smooth = { softness_n = 3.0 }" => "smooth = { softness_n = 3.0 }, hard = {}",
-        "hand.toml:98:17: a table stands where a word, or a table with the one key that chooses should be\n    { smooth = { softness_n = 3.0 }, hard = {} }";
+        "{ cuboid = [0.0095, 0.018, 0.02] }" => "{ cuboid = [0.0095, 0.018, 0.02], inertia = {} }",
+        "hand.toml:160:64: a table stands where a word, or a table with the one key that chooses should be\n    { cuboid = [0.0095, 0.018, 0.02], inertia = {} }";
     no_choice: UTAH,
-        "rectification = { smooth = { softness_n = 3.0 } }" => "rectification = 3",
-        "hand.toml:98:17: the number 3 stands where a word, or a table with the one key that chooses should be\n    3";
+        "shape = { cuboid = [0.0095, 0.018, 0.02] }" => "shape = 3",
+        "hand.toml:160:64: the number 3 stands where a word, or a table with the one key that chooses should be\n    3";
     missing_key: UTAH,
         "trajectory_hz = 50 " => "#",
         "hand.toml:1:1: the key `trajectory_hz` is missing here";
@@ -87,16 +87,16 @@ cases! {
         "hand.toml:51:1: the key `extensor.adc.board` is missing here\n    [[fingers.joints]]";
     missing_position: UTAH,
         "adc = { board = 0, channel = 5 }" => "#",
-        "hand.toml:205:1: the key `adc.channel` is missing here\n    [[fingers.joints]]";
+        "hand.toml:206:1: the key `adc.channel` is missing here\n    [[fingers.joints]]";
     missing_tension_sensor: TRIPOD,
         "flexor = { arm_m = 0.006, adc = { board = 0, channel = 4 }" => "flexor = { arm_m = 0.006",
         "hand.toml:66:10: the key `adc.board` is missing here\n    { arm_m = 0.006, dac = { board = 5, channel = 2 } }";
     missing_drive: UTAH,
         ", dac = { board = 1, channel = 22 }" => "",
-        "hand.toml:272:10: the key `dac.channel` is missing here\n    { adc = { board = 1, channel = 30 } }";
+        "hand.toml:273:10: the key `dac.channel` is missing here\n    { adc = { board = 1, channel = 30 } }";
     text_for_a_number: UTAH,
         "kp = 1.0" => "kp = \"1.0\"",
-        "hand.toml:108:6: the text \"1.0\" stands where a number should be\n    \"1.0\"";
+        "hand.toml:107:6: the text \"1.0\" stands where a number should be\n    \"1.0\"";
     fraction_for_a_count: UTAH,
         "tension_samples = 20" => "tension_samples = 20.5",
         "hand.toml:17:19: the number 20.5 stands where a whole number from 0 to 65535 should be\n    20.5";
@@ -108,7 +108,7 @@ cases! {
         "hand.toml:10:12: 99999999999999999999 stands where a number of 64 bits should be\n    99999999999999999999";
     channel_beyond_a_byte: UTAH,
         "channel = 15 }\n" => "channel = 300 }\n",
-        "hand.toml:271:30: the number 300 stands where a whole number from 0 to 255 should be\n    300";
+        "hand.toml:272:30: the number 300 stands where a whole number from 0 to 255 should be\n    300";
     vector_too_short: UTAH,
         "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, -9.81]",
         "hand.toml:12:11: the list must have 3 entries, not 2\n    [0.0, -9.81]";
@@ -117,28 +117,28 @@ cases! {
         "hand.toml:12:11: the list must have 3 entries, not 4\n    [0.0, 0.0, 0.0, -9.81]";
     name_too_long: UTAH,
         "name = \"thumb\"" => "name = \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"",
-        "hand.toml:249:8: the text has 70 bytes and may have at most 64\n    \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"";
+        "hand.toml:250:8: the text has 70 bytes and may have at most 64\n    \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"";
     missing_name: UTAH,
         "name = \"thumb\"" => "#",
-        "hand.toml:248:1: the key `name` is missing here\n    [[fingers]]";
+        "hand.toml:249:1: the key `name` is missing here\n    [[fingers]]";
     like_nobody: UTAH,
         "name = \"thumb\"\nlike = \"index\"" => "name = \"thumb\"\nlike = \"pinky\"",
-        "hand.toml:250:8: no finger `pinky` stands above this one\n    \"pinky\"";
+        "hand.toml:251:8: no finger `pinky` stands above this one\n    \"pinky\"";
     defaults_no_table: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = 2",
-        "hand.toml:224:18: the number 2 stands where a table of defaults should be\n    2";
+        "hand.toml:225:18: the number 2 stands where a table of defaults should be\n    2";
     not_finite: UTAH,
         "kv = 0.03" => "kv = nan",
-        "hand.toml:109:6: `servo.kv` of joint `abduction` of finger `index` is NaN; it must be finite\n    nan";
+        "hand.toml:108:6: `servo.kv` of joint `abduction` of finger `index` is NaN; it must be finite\n    nan";
     law_without_its_gain: UTAH,
         "bandwidth_hz = 10.0" => "bandwidth_hz = 0.0",
-        "hand.toml:111:16: `servo.bandwidth_hz` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:110:16: `servo.bandwidth_hz` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
     not_finite_in_a_list: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, inf, 0.0]",
-        "hand.toml:167:44: `body.center[1]` of joint `proximal` of finger `index` is inf; it must be finite\n    inf";
+        "hand.toml:168:44: `body.center[1]` of joint `proximal` of finger `index` is inf; it must be finite\n    inf";
     not_positive: UTAH,
         "mass_kg = 0.06" => "mass_kg = 0.0",
-        "hand.toml:167:20: `body.mass_kg` of joint `proximal` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:168:20: `body.mass_kg` of joint `proximal` of finger `index` is 0; it must be above 0\n    0.0";
     too_small: UTAH,
         "safety = 1.2" => "safety = 0.9",
         "hand.toml:29:10: `contact.safety` of the hand is 0.9; it must be at least 1\n    0.9";
@@ -147,10 +147,10 @@ cases! {
         "hand.toml:36:10: `budget` of processor 0 is 1.8; it must be at most 1\n    1.8";
     limits_order: UTAH,
         "low = 0.08726646259971647, high = 1.6580627893946132" => "low = 1.7, high = 1.6580627893946132",
-        "hand.toml:174:18: `limits.low` of joint `middle` of finger `index` is 1.7; it must be below `high`, which is 1.65806278939\n    1.7";
+        "hand.toml:175:18: `limits.low` of joint `middle` of finger `index` is 1.7; it must be below `high`, which is 1.65806278939\n    1.7";
     tensions_order: UTAH,
         "min_n = 4.0" => "min_n = 140.0",
-        "hand.toml:126:9: `flexor.min_n` of joint `abduction` of finger `index` is 140; it must be below `max_n`, which is 130\n    140.0";
+        "hand.toml:125:9: `flexor.min_n` of joint `abduction` of finger `index` is 140; it must be below `max_n`, which is 130\n    140.0";
     slack_order: UTAH,
         "slack_n = 1.0" => "slack_n = 4.0",
         "hand.toml:128:11: `flexor.slack_n` of joint `abduction` of finger `index` is 4; it must be below `min_n`, which is 4\n    4.0";
@@ -162,28 +162,28 @@ cases! {
         "hand.toml:132:27: `flexor.dac.gain` of joint `abduction` of finger `index` is 0; all counts would mean the same, so give another\n    0.0";
     beyond_adc: UTAH,
         "offset = -1.0471975511965976" => "offset = 0.0",
-        "hand.toml:160:7: `adc` of joint `abduction` of finger `index`: a value that it must convert is -0.436332312999; it must be from 0 to 3.1408256632, which its counts can mean; give it another gain or offset\n    { board = 0, channel = 0 }";
+        "hand.toml:161:7: `adc` of joint `abduction` of finger `index`: a value that it must convert is -0.436332312999; it must be from 0 to 3.1408256632, which its counts can mean; give it another gain or offset\n    { board = 0, channel = 0 }";
     beyond_dac: UTAH,
         "gain = 31.5 }   " => "gain = 32.5 }   ",
-        "hand.toml:161:52: `flexor.dac` of joint `abduction` of finger `index`: a value that it must convert is 130; it must be from 0 to 126, which its counts can mean; give it another gain or offset\n    { board = 0, channel = 0 }";
+        "hand.toml:162:52: `flexor.dac` of joint `abduction` of finger `index`: a value that it must convert is 130; it must be from 0 to 126, which its counts can mean; give it another gain or offset\n    { board = 0, channel = 0 }";
     no_bits: UTAH,
         "adc = { bits = 12, gain = 7" => "adc = { bits = 0, gain = 7",
-        "hand.toml:100:16: `adc.bits` of joint `abduction` of finger `index` is 0; it must be at least 1\n    0";
+        "hand.toml:99:16: `adc.bits` of joint `abduction` of finger `index` is 0; it must be at least 1\n    0";
     too_many_bits: UTAH,
         "adc = { bits = 12, gain = 7" => "adc = { bits = 33, gain = 7",
-        "hand.toml:100:16: `adc.bits` of joint `abduction` of finger `index` is 33; it must be at most 32\n    33";
+        "hand.toml:99:16: `adc.bits` of joint `abduction` of finger `index` is 33; it must be at most 32\n    33";
     cutoff: UTAH,
         "zeta = 1.0\nvelocity_cutoff_hz = 100.0" => "zeta = 1.0\nvelocity_cutoff_hz = 200.0",
-        "hand.toml:113:22: `servo.velocity_cutoff_hz` of joint `abduction` of finger `index` is 200; it must be below 200\n    200.0";
+        "hand.toml:112:22: `servo.velocity_cutoff_hz` of joint `abduction` of finger `index` is 200; it must be below 200\n    200.0";
     tendon_cutoff: TRIPOD,
         "cutoff_hz = 200.0" => "cutoff_hz = 1000.0",
         "hand.toml:42:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; it must be below 1000\n    1000.0";
     not_rotation: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, -1.0, 0.1], [0.0, 0.0, -1.0]",
-        "hand.toml:251:57: `base.rotation` of finger `thumb`: the greatest difference of its axes from orthogonal unit vectors is 0.1; it must be at most 0.000000001\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
+        "hand.toml:252:57: `base.rotation` of finger `thumb`: the greatest difference of its axes from orthogonal unit vectors is 0.1; it must be at most 0.000000001\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
     reflection: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, 1.0, 0.0], [0.0, 0.0, -1.0]",
-        "hand.toml:251:57: `base.rotation` of finger `thumb`: its determinant is -1; it must be 1; a left-handed frame has -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
+        "hand.toml:252:57: `base.rotation` of finger `thumb`: its determinant is -1; it must be 1; a left-handed frame has -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
     not_unit: TRIPOD,
         "motion = { revolute = [0.0, 1.0, 0.0] }" => "motion = { revolute = [0.0, 2.0, 0.0] }",
         "hand.toml:63:100: `mount.motion.revolute` of joint `bend` of finger `a`: its length is 2; it must be 1\n    [0.0, 2.0, 0.0]";
@@ -201,13 +201,13 @@ cases! {
         "hand.toml:55:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body; in any axes each moment must be above 0 and at most the sum of the two others\n    [2e-6, 3e-6, 4e-6]";
     flat_cuboid: UTAH,
         "cuboid = [0.033, 0.018, 0.02]" => "cuboid = [0.033, 0.018, 0.0]",
-        "hand.toml:175:89: `body.shape.cuboid[2]` of joint `middle` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:176:89: `body.shape.cuboid[2]` of joint `middle` of finger `index` is 0; it must be above 0\n    0.0";
     no_name: UTAH,
         "name = \"thumb\"" => "name = \" \"",
-        "hand.toml:249:8: `name` of finger ` ` is empty; it must have letters\n    \" \"";
+        "hand.toml:250:8: `name` of finger ` ` is empty; it must have letters\n    \" \"";
     finger_twice: UTAH,
         "name = \"thumb\"" => "name = \"ring\"",
-        "hand.toml:249:8: `name` of finger `ring` is taken already; give each its own\n    \"ring\"";
+        "hand.toml:250:8: `name` of finger `ring` is taken already; give each its own\n    \"ring\"";
     joint_twice: TRIPOD,
         "name = \"bend\"" => "name = \"roll\"",
         "hand.toml:61:8: `name` of joint `roll` of finger `a` is taken already; give each its own\n    \"roll\"";
@@ -222,16 +222,16 @@ cases! {
         "hand.toml:53:10: `number` of processor 2 is taken already; give each its own\n    2";
     no_processor: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 9 }",
-        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 9; it must be the number of a servo processor of the hand\n    9";
+        "hand.toml:225:32: `processor` of joint `abduction` of finger `ring` is 9; it must be the number of a servo processor of the hand\n    9";
     wrong_kind: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 5 }",
-        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 5; it must be the number of a servo processor of the hand\n    5";
+        "hand.toml:225:32: `processor` of joint `abduction` of finger `ring` is 5; it must be the number of a servo processor of the hand\n    5";
     axis_on_a_servo: UTAH,
         "direction = [0.0, 1.0, 0.0]\nprocessor = 5" => "direction = [0.0, 1.0, 0.0]\nprocessor = 1",
         "hand.toml:75:13: `processor` of axis `y` is 1; it must be the number of a table processor of the hand\n    1";
     split_finger: UTAH,
         "adc = { board = 0, channel = 6 }" => "processor = 2\nadc = { board = 0, channel = 6 }",
-        "hand.toml:211:13: `processor` of joint `middle` of finger `middle` is 2; it must be 1 like that of the finger's first joint; tendons couple the joints of a finger, so give them all one processor\n    2";
+        "hand.toml:212:13: `processor` of joint `middle` of finger `middle` is 2; it must be 1 like that of the finger's first joint; tendons couple the joints of a finger, so give them all one processor\n    2";
     rate: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 60 ",
         "hand.toml:10:12: `servo_hz` of the hand is 400; it must be a multiple of 60, the trajectories' rate\n    400";
@@ -246,7 +246,7 @@ cases! {
         "hand.toml:43:10: `budget` of processor 1 is 0.8; it must be at least 0.828, which its loop takes of its time; give it fewer joints or axes, or a lower rate\n    0.8";
     same_adc_channel: UTAH,
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",
-        "hand.toml:261:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0; `fingers[0].joints[2].adc.channel` is the same, and a channel has one wire\n    2";
+        "hand.toml:262:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0; `fingers[0].joints[2].adc.channel` is the same, and a channel has one wire\n    2";
     same_dac_channel: UTAH,
         "dac = { board = 1, channel = 23 }" => "dac = { board = 2, channel = 2 }",
         "hand.toml:89:30: `dac.channel` of axis `z` is D/A channel 2 of board 2; `fingers[3].joints[3].extensor.dac.channel` is the same, and a channel has one wire\n    2";
@@ -255,49 +255,43 @@ cases! {
         "hand.toml:66:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006; it must be above 0\n    -0.006";
     own_extensor_arm: UTAH,
         "arm_m = -0.0095" => "arm_m = 0.0",
-        "hand.toml:178:90: `extensor.arm_m` of joint `middle` of finger `index` is 0; it must be below 0\n    0.0";
+        "hand.toml:179:90: `extensor.arm_m` of joint `middle` of finger `index` is 0; it must be below 0\n    0.0";
     crosses_nothing: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"midle\", flexor_m",
-        "hand.toml:188:11: `crosses` of joint `distal` of finger `index`: a joint in it is `midle`; it must be a joint of the finger\n    [";
+        "hand.toml:189:11: `crosses` of joint `distal` of finger `index`: a joint in it is `midle`; it must be a joint of the finger\n    [";
     crosses_distal: UTAH,
         "joint = \"proximal\", flexor_m = 0.0095" => "joint = \"distal\", flexor_m = 0.0095",
-        "hand.toml:179:11: `crosses` of joint `middle` of finger `index`: a joint in it is `distal`; it must be proximal to this one\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
+        "hand.toml:180:11: `crosses` of joint `middle` of finger `index`: a joint in it is `distal`; it must be proximal to this one\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
     crosses_itself: TRIPOD,
         "joint = \"roll\", flexor_m" => "joint = \"bend\", flexor_m",
         "hand.toml:68:11: `crosses` of joint `bend` of finger `a`: a joint in it is `bend`; it must be proximal to this one\n    [{ joint = \"bend\", flexor_m = 0.001, extensor_m = 0.001 }]";
     crosses_twice: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"proximal\", flexor_m",
-        "hand.toml:188:11: `crosses` of joint `distal` of finger `index`: a joint in it is `proximal`; it must be there once\n    [";
+        "hand.toml:189:11: `crosses` of joint `distal` of finger `index`: a joint in it is `proximal`; it must be there once\n    [";
     planar_joints: TRIPOD,
         "form = { chain = { tip = [0.02, 0.0, 0.0] } }" => "form = { planar = { lengths = [0.0, 0.03, 0.03, 0.02] } }",
         "hand.toml:46:1: finger `a`: the number of its joints is 3; it must be 4 in a planar finger; for another number write `form = { chain = … }`\n    [[fingers]]";
     off_axis: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, 0.001, 0.0]",
-        "hand.toml:167:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; the links of a planar finger are; write `form = { chain = … }` for others\n    [0.0216, 0.001, 0.0]";
+        "hand.toml:168:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; the links of a planar finger are; write `form = { chain = … }` for others\n    [0.0216, 0.001, 0.0]";
     off_axis_inertia: UTAH,
         "shape = { cuboid = [0.0432, 0.018, 0.02] }" => "shape = { inertia = { moments = [4e-6, 1e-5, 1e-5], products = [1e-7, 0.0, 0.0] } }",
-        "hand.toml:167:118: `body.shape.inertia.products` of joint `proximal` of finger `index` is not on the x axis; the links of a planar finger are; write `form = { chain = … }` for others\n    [1e-7, 0.0, 0.0]";
+        "hand.toml:168:118: `body.shape.inertia.products` of joint `proximal` of finger `index` is not on the x axis; the links of a planar finger are; write `form = { chain = … }` for others\n    [1e-7, 0.0, 0.0]";
     no_mount: TRIPOD,
         "mount = { motion = { revolute = [1.0, 0.0, 0.0] } }" => "#",
         "hand.toml:51:1: `mount` of joint `roll` of finger `a` is missing; a joint of a chain needs one\n    [[fingers.joints]]";
     needless_mount: UTAH,
         "adc = { board = 0, channel = 1 }" => "mount = { motion = { revolute = [0.0, 1.0, 0.0] } }\nadc = { board = 0, channel = 1 }",
-        "hand.toml:168:9: `mount` of joint `proximal` of finger `index` is needless; in a planar finger the lengths say where joints are, so leave it out\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
+        "hand.toml:169:9: `mount` of joint `proximal` of finger `index` is needless; in a planar finger the lengths say where joints are, so leave it out\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
     stop_zone: UTAH,
         "zone = 0.05235987755982988" => "zone = 0.5",
-        "hand.toml:116:8: `stop.zone` of joint `abduction` of finger `index` is 0.5; it must be at most 0.436332312999\n    0.5";
-    mean_below_least: TRIPOD,
-        "co_contraction_n = 5.0" => "co_contraction_n = 0.5",
-        "hand.toml:75:47: `rectification.mean.co_contraction_n` of joint `nail` of finger `a` is 0.5; it must be at least 1\n    0.5";
-    softness: UTAH,
-        "softness_n = 3.0" => "softness_n = 0.0",
-        "hand.toml:98:43: `rectification.smooth.softness_n` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:115:8: `stop.zone` of joint `abduction` of finger `index` is 0.5; it must be at most 0.436332312999\n    0.5";
+    bias_below_least: TRIPOD,
+        "arm_m = 1.0, bias_n = 5.0" => "arm_m = 1.0, bias_n = 0.5",
+        "hand.toml:77:34: `flexor.bias_n` of joint `nail` of finger `a` is 0.5; it must be from 1 to 40\n    0.5";
     coulomb_without_rate: TRIPOD,
         "coulomb_rate = 0.1" => "coulomb_rate = 0.0",
         "hand.toml:41:46: `friction.coulomb_rate` of joint `roll` of finger `a` is 0; it must be above 0\n    0.0";
-    antagonists_apart: TRIPOD,
-        "flexor = { min_n = 1.0" => "flexor = { min_n = 35.0",
-        "hand.toml:42:20: `flexor.min_n` of joint `roll` of finger `a` is 35; it must be below `extensor.max_n`, which is 30\n    35.0";
     rest_too_soon: UTAH,
         "safe_s = 0.5" => "safe_s = 0.004",
         "hand.toml:15:10: `faults.safe_s` of the hand is 0.004; it must be at least 0.005\n    0.004";
@@ -347,7 +341,7 @@ fn every_number_must_be_finite() {
 fn a_list_that_the_program_has_no_room_for() {
     let error = Hand::<3, 4>::from_toml(UTAH, "hand.toml").unwrap_err();
     let fingers =
-        "hand.toml:248:1: this entry is one too many; the program has room for 3\n    [[fingers]]";
+        "hand.toml:249:1: this entry is one too many; the program has room for 3\n    [[fingers]]";
     assert_eq!(error.to_string(), fingers);
     let error = Hand::<3, 2>::from_toml(TRIPOD, "hand.toml").unwrap_err();
     let joints = "hand.toml:71:1: this entry is one too many; the program has room for 2\n    [[fingers.joints]]";

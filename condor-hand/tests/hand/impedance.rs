@@ -450,7 +450,6 @@ proptest! {
         let greatest = [0, 1, 2, 3].map(|joint| bench.greatest(joint));
         let at_stops = stop_step();
         let mut last = bench.tick();
-        let mut rates = [0.0; 2];
         for (joint, change, ticks) in changes {
             // After a fault all are refused.
             let _ = match change {
@@ -464,7 +463,6 @@ proptest! {
                 }
             };
             for _ in 0..=ticks {
-                rates = [rates[1], bench.finger.qd().amax()];
                 let tick = bench.tick();
                 for pair in &tick.output.tension {
                     for tension in [pair.flexor, pair.extensor] {
@@ -474,6 +472,7 @@ proptest! {
                 let step = step(&last, &tick);
                 // The stiffest spring that goes 0.7 rad in the forty ticks of a transition changes a
                 // tension by 1 N a tick, and two joints may change what pulls one tendon.
+                let rates = [&last, &tick].map(|tick| tick.output.velocity.amax());
                 let most = 2.0 + at_stops * max(rates[0], rates[1]);
                 prop_assert!(step < most, "{step} N by {change:?} of joint {joint}");
                 let q = bench.finger.q();

@@ -32,7 +32,7 @@ impl Servo {
 }
 
 fn servo(gains: TensionGains) -> Servo {
-    Servo(TensionServos::new([gains], MAX_N, HZ).unwrap())
+    Servo(TensionServos::new([gains], [MAX_N], HZ).unwrap())
 }
 
 /// A first-order actuator that holds its command for a sample, and gets it so many samples late.
@@ -159,14 +159,14 @@ fn without_a_sensor_the_loop_is_open() {
 
 #[test]
 fn servos_say_what_is_wrong_with_their_numbers() {
-    let error = TensionServos::new([gains(-1.0)], MAX_N, HZ).unwrap_err();
+    let error = TensionServos::new([gains(-1.0)], [MAX_N], HZ).unwrap_err();
     assert_eq!(
         error.to_string(),
         "the gain kt is -1; it must be at least 0"
     );
-    let error = TensionServos::new([gains(1.0)], -5.0, HZ).unwrap_err();
+    let error = TensionServos::new([gains(1.0)], [-5.0], HZ).unwrap_err();
     assert_eq!((error.what, error.value), ("the largest tension, N,", -5.0));
-    assert!(TensionServos::new([gains(1.0)], MAX_N, 0.0).is_err());
+    assert!(TensionServos::new([gains(1.0)], [MAX_N], 0.0).is_err());
     let mut servo = servo(gains(1.0));
     assert!(servo.0.set_gains([gains(f64::NAN)]).is_err());
     assert_eq!(servo.update(50.0, 40.0, 0.0), 60.0);

@@ -4,7 +4,7 @@
 use condor_hand::config;
 use condor_hand::dynamics::{DriveDynamics, Dynamics};
 use condor_hand::kinematics::Chain;
-use condor_hand::tendon::{AllocatedTensions, MomentArms, TensionAllocation};
+use condor_hand::tendon::{AllocatedTensions, MomentArms};
 use condor_hand::trajectory::motion::load;
 use condor_hand::trajectory::{
     Generator, Happening, MotionEnd, MotionError, MotionTicket, Observations, Primitive, SetPoint,
@@ -41,7 +41,7 @@ pub(crate) fn plan<const FINGERS: usize, const JOINTS: usize>(
     for finger in &view.hand.fingers {
         fingers.push(Model::new(finger, &view.hand)?);
     }
-    let mut plan = empty(view, period_s);
+    let mut plan = empty(view, &fingers, period_s);
     let joints = view.joints.len();
     let (mut short, mut met) = (vec![Vec::new(); joints], Vec::new());
     let mut points = player.generator.set_points();
@@ -139,19 +139,27 @@ pub(crate) fn motions<const FINGERS: usize, const JOINTS: usize>(
 /// A plan of no ticks.
 fn empty<const FINGERS: usize, const JOINTS: usize>(
     view: &HandView<FINGERS, JOINTS>,
+    models: &[Model<JOINTS>],
     period_s: f64,
 ) -> Plan {
     let mut joints = Vec::new();
     let entries = view.hand.fingers.iter().flat_map(|finger| &finger.joints);
     let links = view.fingers.iter().flat_map(|finger| &finger.links);
-    for (entry, link) in entries.zip(links) {
-        let (low, high) = entry.tension_range();
+    let ranges = models
+        .iter()
+        .flat_map(|model| (0..model.joints).map(|joint| model.arms.torque_range(joint)));
+    for ((entry, link), (least, greatest)) in entries.zip(links).zip(ranges) {
         let limits = &entry.limits;
-        let tendons = link.tendons.iter().map(|tendon| TendonPlan {
-            name: tendon.name.clone(),
-            tension: Vec::new(),
-            limits: [low, high],
-        });
+        let own = [&entry.flexor, &entry.extensor];
+        let tendons = link
+            .tendons
+            .iter()
+            .zip(own)
+            .map(|(tendon, own)| TendonPlan {
+                name: tendon.name.clone(),
+                tension: Vec::new(),
+                limits: [own.min_n, own.max_n],
+            });
         joints.push(JointPlan {
             name: link.name.clone(),
             position: Vec::new(),
@@ -161,7 +169,7 @@ fn empty<const FINGERS: usize, const JOINTS: usize>(
             position_limits: [limits.low, limits.high],
             velocity_limit: limits.velocity,
             acceleration_limit: limits.acceleration,
-            torque_limits: [entry.extensor.arm_m, entry.flexor.arm_m].map(|arm| arm * (high - low)),
+            torque_limits: [least, greatest],
             tendons: tendons.collect(),
         });
     }
@@ -351,7 +359,6 @@ struct Model<const JOINTS: usize> {
     chain: Chain<JOINTS>,
     drive: DriveDynamics<JOINTS>,
     arms: MomentArms<JOINTS>,
-    allocation: [TensionAllocation; JOINTS],
     gravity: Vector3<f64>,
 }
 
@@ -367,7 +374,6 @@ impl<const JOINTS: usize> Model<JOINTS> {
             chain: finger.chain(),
             drive: settings.drive,
             arms: finger.moment_arms()?,
-            allocation: settings.joints.map(|joint| joint.allocation),
             gravity: Vector3::from(hand.gravity),
         })
     }
@@ -383,6 +389,6 @@ impl<const JOINTS: usize> Model<JOINTS> {
         let links = (self.chain).inverse_dynamics(&q, &rates, &accelerations, &self.gravity);
         let torque =
             links + self.drive.armature.component_mul(&accelerations) + self.drive.torque(&rates);
-        (torque, self.arms.allocate(&torque, &self.allocation))
+        (torque, self.arms.allocate(&torque))
     }
 }

@@ -10,7 +10,6 @@ use crate::config::{
 use crate::kinematics::body_inertia;
 use crate::math::{abs, is_finite, max};
 use crate::number::count;
-use crate::tendon::Rectification;
 use crate::{NumberError, Requirement, Subject};
 
 impl<const F: usize, const J: usize> Hand<F, J> {
@@ -126,28 +125,20 @@ impl<const J: usize> Finger<J> {
         Ok(())
     }
 
-    /// Checks the moment arms against the conditions of the tendon level.
+    /// Checks that each joint has a torque of its own.
     fn check_arms(&self, at: &At) -> Result<(), Mistake> {
-        let Err(NumberError {
-            at: arm,
-            value,
-            must,
-            ..
-        }) = self.moment_arms()
-        else {
+        let Err(NumberError { at: joint, .. }) = self.moment_arms() else {
             return Ok(());
         };
-        let (joint, field) = match arm {
-            Subject::Flexor(joint) => (joint, "flexor.arm_m"),
-            Subject::Extensor(joint) => (joint, "extensor.arm_m"),
-            // These are ruled out before: crossings are proximal, and all numbers finite.
-            Subject::Crossing { tendon, .. } => (tendon, "crosses"),
-            _ => (0, ""),
+        // All numbers are finite and in order.
+        let Subject::Joint(joint) = joint else {
+            return Ok(());
         };
         let joint = usize::from(joint);
         let name = self.joints.get(joint).map(|joint| joint.name.clone());
         let at = at.joint(joint, &name.unwrap_or_default());
-        Err(at.off(field, value, must, ""))
+        let rule = "no tendon turns the joint without others; give its tendons larger arms";
+        Err(at.words("flexor.arm_m", "too small", rule))
     }
 }
 
@@ -258,29 +249,10 @@ impl<const J: usize> Joint<J> {
         at.input(&self.adc, [self.limits.low, self.limits.high])?;
         let (flexor, extensor) = (&self.flexor, &self.extensor);
         let (of_flexor, of_extensor) = (at.table("flexor"), at.table("extensor"));
+        of_flexor.number("arm_m", flexor.arm_m, POSITIVE)?;
+        of_extensor.number("arm_m", extensor.arm_m, Requirement::Below(0.0))?;
         flexor.check(&of_flexor, rate_hz)?;
-        extensor.check(&of_extensor, rate_hz)?;
-        // Antagonists with different limits need tensions that both can have.
-        of_flexor.below(("min_n", flexor.min_n), ("extensor.max_n", extensor.max_n))?;
-        of_extensor.below(("min_n", extensor.min_n), ("flexor.max_n", flexor.max_n))?;
-        let (least, largest) = self.tension_range();
-        match self.rectification {
-            Rectification::Hard => Ok(()),
-            Rectification::Mean {
-                co_contraction_n: mean,
-            } => {
-                let field = "rectification.mean.co_contraction_n";
-                at.number(field, mean, Requirement::AtLeast(least))?;
-                at.number(field, mean, Requirement::AtMost(largest))
-            }
-            Rectification::Smooth {
-                softness_n: softness,
-            } => {
-                let field = "rectification.smooth.softness_n";
-                at.number(field, softness, POSITIVE)?;
-                at.number(field, softness, Requirement::AtMost(largest - least))
-            }
-        }
+        extensor.check(&of_extensor, rate_hz)
     }
 }
 
@@ -313,6 +285,13 @@ impl Tendon {
         at.numbers(self.rules())?;
         for [tension, above] in self.order() {
             at.below(tension, above)?;
+        }
+        if let Some(bias_n) = self.bias_n {
+            at.number(
+                "bias_n",
+                bias_n,
+                Requirement::Within(self.min_n, self.max_n),
+            )?;
         }
         at.cutoff("cutoff_hz", self.cutoff_hz, rate_hz)?;
         at.input(&self.adc, [self.slack_n, self.break_n])?;

@@ -18,7 +18,7 @@ const LIKE: &str = "like";
 const CHANNEL: &str = "channel";
 
 /// Keys whose tables have one key that chooses: two choices do not mix.
-const CHOICES: [&str; 5] = ["form", "motion", "rectification", "rotation", "shape"];
+const CHOICES: [&str; 4] = ["form", "motion", "rotation", "shape"];
 
 /// Fills in what the fingers and joints leave out, and removes the keys that say from where.
 pub(super) fn fill(tree: &mut Value<'_>) -> Result<(), Misreading> {

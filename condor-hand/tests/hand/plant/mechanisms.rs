@@ -9,6 +9,7 @@ use condor_hand::plant::{
     SimSurface,
 };
 use condor_hand::tendon::{MomentArms, Pair};
+use condor_hand::transmission::EffortLimits;
 use nalgebra::{Matrix1, Matrix3, SVector, Vector1, Vector3};
 
 /// A point mass on a massless rod that turns about y, straight along x at zero.
@@ -157,7 +158,12 @@ pub(crate) fn own_arms<const N: usize>(arm: f64) -> MomentArms<N> {
             }
         })
     });
-    MomentArms::new(rows).unwrap()
+    let limits = EffortLimits {
+        low: 0.0,
+        high: 130.0,
+        bias: 0.0,
+    };
+    MomentArms::new(rows, [Pair::both(limits); N]).unwrap()
 }
 
 pub(crate) fn finger<M, const N: usize>(

@@ -7,6 +7,7 @@ use std::path::Path;
 use condor_hand::Pose;
 use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion, PlanarFinger, Rod};
 use condor_hand::tendon::{MomentArms, Pair};
+use condor_hand::transmission::EffortLimits;
 use nalgebra::{Matrix3, SVector, Vector3};
 use proptest::test_runner::Config as ProptestConfig;
 use serde::Deserialize;
@@ -146,5 +147,10 @@ fn arms(rows: &[[f64; 8]; 4]) -> MomentArms<4> {
             extensor: row[2 * joint + 1],
         })
     });
-    MomentArms::new(rows).unwrap()
+    let limits = EffortLimits {
+        low: 4.0,
+        high: 130.0,
+        bias: 7.0,
+    };
+    MomentArms::new(rows, [Pair::both(limits); 4]).unwrap()
 }

@@ -60,7 +60,7 @@ const LEVELS: [Level; 12] = [
     level(
         "tensions of torques",
         tendons::allocation,
-        0xc445_d27e_2352_ec0d,
+        0xa2ea_8ed1_3a56_748e,
     ),
     level("servos of tendons", tendons::servos, 0x398a_4eee_e2e3_b4f3),
     level("profiles", trajectories::profiles, 0xfb48_ea31_4de4_04f0),
@@ -73,12 +73,12 @@ const LEVELS: [Level; 12] = [
     level(
         "a finger's controller",
         controlled::finger,
-        0x6286_04c7_0dfb_2986,
+        0x36a0_bcca_bd3c_28d7,
     ),
     level(
         "a simulated hand in closed loop",
         controlled::hand,
-        0x015f_f1eb_bc24_55f4,
+        0x2a2b_c482_6c67_560d,
     ),
 ];
 

@@ -1,6 +1,5 @@
-use condor_hand::tendon::{
-    MomentArms, Rectification, TensionAllocation, TensionGains, TensionServos,
-};
+use condor_hand::tendon::{MomentArms, Pair, TensionGains, TensionServos};
+use condor_hand::transmission::EffortLimits;
 use nalgebra::SVector;
 
 use crate::Shipped;
@@ -11,22 +10,16 @@ use crate::digest::Digest;
 /// torques.
 pub(crate) fn allocation(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let rows = *hand.fingers.first()?.moment_arms().ok()?.rows();
-    let arms = MomentArms::new(rows).ok()?;
     let mut between = Between::seeded(5);
-    for rectification in [
-        Rectification::Hard,
-        Rectification::Mean {
-            co_contraction_n: 20.0,
-        },
-        Rectification::Smooth { softness_n: 3.0 },
-    ] {
-        let allocation = [TensionAllocation {
-            rectification,
-            min_n: 4.0,
-            max_n: 130.0,
-        }; 4];
+    for bias in [4.0, 7.0, 20.0] {
+        let limits = EffortLimits {
+            low: 4.0,
+            high: 130.0,
+            bias,
+        };
+        let arms = MomentArms::new(rows, [Pair::both(limits); 4]).ok()?;
         let mut allocate = |torque: &SVector<f64, 4>| {
-            let allocated = arms.allocate(torque, &allocation);
+            let allocated = arms.allocate(torque);
             digest.pairs(&allocated.tensions);
             digest.numbers(&allocated.torque);
             digest.bits(u64::from(allocated.saturated));
@@ -54,8 +47,13 @@ pub(crate) fn allocation(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 pub(crate) fn servos(digest: &mut Digest, _: &Shipped) -> Option<()> {
     let mut between = Between::seeded(6);
     for (kt, ki, kd, kv) in [(1.0, 0.0, 0.0, 0.0), (0.5, 20.0, 0.001, 30.0)] {
-        let gains = TensionGains { kt, ki, kd, kv };
-        let mut servos = TensionServos::new([gains], 130.0, 400.0).ok()?;
+        let gains = TensionGains {
+            kt,
+            ki,
+            kd,
+            kv,
+        };
+        let mut servos = TensionServos::new([gains], [130.0], 400.0).ok()?;
         let mut update = |digest: &mut Digest, desired: f64, measured: f64, rate: f64| {
             digest.numbers(&servos.update(&[desired], &[measured], &[rate]));
         };
