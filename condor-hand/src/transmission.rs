@@ -26,7 +26,7 @@ struct Accuracy {
     weight: f64,
     /// The search ends when less than this part of the greatest effort is missing.
     reached: f64,
-    /// It gives up when a multiplier is so many times the greatest effort.
+    /// The search gives up when a multiplier is so many times the greatest effort.
     far: f64,
     /// The most steps of Newton's method.
     steps: u32,
@@ -127,7 +127,7 @@ pub(crate) struct Actuated {
     open: f64,
     /// Its change in a whole step of Newton's method.
     rate: f64,
-    /// The effort.
+    /// The effort within the limits, N or N m.
     pub(crate) effort: f64,
 }
 

@@ -15,7 +15,7 @@ use crate::tendon::{Pair, TensionGains};
 const NOISE_COUNTS: f64 = 1.5;
 
 /// A sensor that shows no change while its joint goes by this many counts is frozen.
-const FROZEN_COUNTS: f64 = 3.5;
+const FROZEN_COUNTS: f64 = 4.0;
 
 /// From one tick to the next the rate of a joint changes by at most this many times its limit.
 const PLAUSIBLE_RATE: f64 = 2.0;

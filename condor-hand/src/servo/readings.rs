@@ -83,11 +83,12 @@ impl<const N: usize> Readings<N> {
             let gone = position - self.there[lane];
             let stands = self.stands(lane, gone);
             let going = self.going[lane];
-            let has_gone = abs(going) * still > self.frozen[lane];
             let led = targets[lane] - self.wanted[lane];
             let led = if going > zero { led } else { -led };
-            // A reading that was off has not shown how fast the joint goes.
-            let as_led = abs(going) * still < 4.0 * led;
+            // A reading that was off has not shown how fast the joint goes, and a joint that falls behind may stand.
+            let far = abs(going) * still;
+            let has_gone = far > self.frozen[lane];
+            let as_led = far < 4.0 * led && 2.0 * far > led;
             let is_frozen = stands && has_gone && as_led && led > self.frozen[lane];
             // A filter that began with a position that never was would show a rate.
             let begins = is_number && !seen[lane];

@@ -73,7 +73,7 @@ const LEVELS: [Level; 12] = [
     level(
         "a finger's controller",
         controlled::finger,
-        0x36a0_bcca_bd3c_28d7,
+        0xa5af_b115_d6a9_47b0,
     ),
     level(
         "a simulated hand in closed loop",

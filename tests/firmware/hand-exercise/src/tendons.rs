@@ -47,12 +47,7 @@ pub(crate) fn allocation(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 pub(crate) fn servos(digest: &mut Digest, _: &Shipped) -> Option<()> {
     let mut between = Between::seeded(6);
     for (kt, ki, kd, kv) in [(1.0, 0.0, 0.0, 0.0), (0.5, 20.0, 0.001, 30.0)] {
-        let gains = TensionGains {
-            kt,
-            ki,
-            kd,
-            kv,
-        };
+        let gains = TensionGains { kt, ki, kd, kv };
         let mut servos = TensionServos::new([gains], [130.0], 400.0).ok()?;
         let mut update = |digest: &mut Digest, desired: f64, measured: f64, rate: f64| {
             digest.numbers(&servos.update(&[desired], &[measured], &[rate]));
