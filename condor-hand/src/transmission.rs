@@ -6,9 +6,11 @@
 //! Σ (f - bias)²,  where  P f = t  and  low <= f <= high
 //! ```
 //!
-//! with the arms P of the actuators at the joints. If no efforts within the limits give the torques, then the torques
-//! are the nearest that exist: those with the least `Σ ((P f - t)_j / |P_j|)²`, where `|P_j|` is the length of the
-//! row of joint j.
+//! with the arms P of the actuators at the joints. If no efforts within the limits give the torques, each torque is
+//! limited to what its joint can have by itself. The efforts then are those with the least
+//! `Σ ((P f - t)_j / |P_j|)²`, where `|P_j|` is the length of the row of joint j: the torques are the nearest, and
+//! joints that share actuators share what is missing. They are off from the nearest by less than a millionth of the
+//! efforts.
 //!
 //! For each torque there is a multiplier y, and `f = clamp(bias + Pᵀ y, low, high)`. The multipliers maximise a
 //! concave function, whose pieces are quadratic: Newton's method, with an exact search along each step, ends after
@@ -51,15 +53,19 @@ const NEAREST: Accuracy = Accuracy {
 /// A joint is saturated if more than this part of the greatest effort is missing.
 const MISSING: f64 = 1e-9;
 
-/// The limits of an actuator's effort, and the effort that it has where the torques leave a choice: N for an actuator
-/// that pulls or slides, N m for one that turns.
+/// The same after a search for the nearest torques, with its accuracy.
+const MISSING_NEAREST: f64 = 1e-5;
+
+/// The limits of an actuator's effort, and the effort that is preferred: N for an actuator that pulls or slides, N m for
+/// one that turns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffortLimits {
     /// The least effort; zero or more for an actuator that can only pull.
     pub low: f64,
     /// The greatest effort.
     pub high: f64,
-    /// The preferred effort, such as the co-contraction of a tendon.
+    /// The preferred effort, such as the tension of an idle tendon. Of all efforts that give the torques the nearest to
+    /// the preferred ones are used.
     pub bias: f64,
 }
 
@@ -164,10 +170,15 @@ impl<const N: usize> Rows<N> {
             }
             add_square(&mut product, column);
         }
-        let factors = Factors::new(product);
-        if let Some(joint) = factors.pivots.iter().position(|&pivot| pivot <= 1e-9) {
-            return Err(joint);
+        // From the last joint to the first: a joint that tendons of more distal joints cross needs some of its own.
+        let reversed: [[f64; N]; N] = core::array::from_fn(|row| {
+            core::array::from_fn(|column| product[N - 1 - row][N - 1 - column])
+        });
+        let pivots = Factors::new(reversed).pivots;
+        if let Some(joint) = pivots.iter().position(|&pivot| pivot <= 1e-9) {
+            return Err(N - 1 - joint);
         }
+        let factors = Factors::new(product);
         let mut inverse = [[0.0; N]; N];
         for (joint, row) in inverse.iter_mut().enumerate() {
             let mut unit = [0.0; N];
@@ -234,26 +245,31 @@ impl<const N: usize> Search<'_, N> {
             one.effort = limits.bias + dot(column, &multipliers);
             is_within &= one.effort >= limits.low && one.effort <= limits.high;
         }
-        if norm(&multipliers) < f64::MAX {
-            self.multipliers = multipliers;
-        }
+        self.multipliers = multipliers;
         is_within
     }
 
     /// The efforts within the limits.
     fn choose(&mut self, actuated: &mut [Actuated]) -> Choice {
         let mut saturated = self.limit();
+        // What was asked for was not possible, and may have been too large for numbers.
+        if saturated != 0 {
+            self.multipliers = [0.0; N];
+        }
         let begin = self.multipliers;
         let size = norm(&self.wanted);
         let mut steps = self.run(&EXACT, size, actuated);
         let (mut rest, mut largest) = self.missing(size, actuated);
-        if norm(&rest) > MISSING * largest {
+        let mut least = MISSING * (1.0 + largest);
+        if norm(&rest) > least {
             self.multipliers = begin;
             steps += self.run(&NEAREST, size, actuated);
             (rest, largest) = self.missing(size, actuated);
+            // At least one joint lacks something.
+            least = min(MISSING_NEAREST * (1.0 + largest), 0.5 * norm(&rest));
         }
         for (joint, rest) in rest.iter().enumerate() {
-            saturated |= u32::from(abs(*rest) > MISSING * (1.0 + largest)) << joint;
+            saturated |= u32::from(abs(*rest) > least) << joint;
         }
         Choice { saturated, steps }
     }
@@ -356,7 +372,7 @@ impl<const N: usize> Search<'_, N> {
             slope: dot(&self.wanted, &direction) - self.weight * dot(&self.multipliers, &direction),
             change: self.weight * dot(&direction, &direction),
         };
-        let part = line.greatest(dot(rest, &direction));
+        let part = line.part(dot(rest, &direction));
         for (multiplier, step) in self.multipliers.iter_mut().zip(&direction) {
             *multiplier += part * step;
         }
@@ -379,7 +395,7 @@ struct Line<'a> {
 impl Line<'_> {
     /// The part of the step, at most the whole, after which the function is greatest. `begin` is the slope at the
     /// beginning.
-    fn greatest(&self, begin: f64) -> f64 {
+    fn part(&self, begin: f64) -> f64 {
         let end = self.slope(1.0);
         if end >= -1e-9 * begin {
             return 1.0;

@@ -256,7 +256,8 @@ pub struct Tendon {
     pub min_n: f64,
     /// The largest tension of its actuator, N.
     pub max_n: f64,
-    /// The tension that it has where the torques of the joints leave a choice, N; `None` means the least one.
+    /// The preferred tension, N; `None` means the least one. Of all tensions that give the torques the nearest to the
+    /// preferred ones are used.
     pub bias_n: Option<f64>,
     /// The tension below which it is slack, N.
     pub slack_n: f64,

@@ -6,7 +6,7 @@ use crate::image::{Format, ImageError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDH",
-    version: 4,
+    version: 5,
 };
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {

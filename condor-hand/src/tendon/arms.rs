@@ -27,12 +27,13 @@ pub struct AllocatedTensions<const N: usize> {
     pub tensions: TendonPairs<f64, N>,
     /// The torques of these tensions, N m; equal to the requested torques if no bit is set.
     pub torque: SVector<f64, N>,
-    /// The joints, a bit each, whose torque is not the requested one because the limits of tensions do not permit it.
+    /// The joints, a bit each, whose torque is not the requested one because the limits of tensions do not permit it. The
+    /// torques of the others are then those that were requested up to 1e-5 of the greatest tension times an arm.
     pub saturated: u32,
     /// The joints, a bit each, whose torque was not finite. If there is one, all tendons are at rest, and no bit of
     /// `saturated` is set.
     pub not_finite: u32,
-    /// The steps of the search for the tensions; 0 if no tension is at a limit.
+    /// The steps of the search for the tensions; 0 if the nearest to the preferred ones are within their limits.
     pub steps: u32,
 }
 
@@ -148,9 +149,9 @@ impl<const N: usize> MomentArms<N> {
     /// Converts the torques of the joints (N m) into tensions. Of all tensions within their limits that produce the
     /// torques these are nearest to the preferred ones, in the sense of least squares.
     ///
-    /// Torques that no tensions produce become the nearest that some do: the sum of the squares of what is missing is the
-    /// least, where the torque of each joint is divided by the length of its row of arms. No torque is beyond what
-    /// its joint can have by itself.
+    /// If no tensions produce the torques, each torque is limited to its [range](Self::torque_range), and the sum of the
+    /// squares of what is missing then is the least, where the torque of each joint is divided by the length of its row
+    /// of arms. Joints that share tendons share what is missing.
     pub fn allocate(&self, torque: &SVector<f64, N>) -> AllocatedTensions<N> {
         self.allocate_around(torque, &[None; N])
     }

@@ -108,12 +108,12 @@ fn what_is_wrong_with_an_image_is_said() {
         })
     );
     let mut other = good.clone();
-    other[4] = 5;
+    other[4] = 6;
     assert_eq!(
         Tripod::from_image(&other),
         Err(ImageError::Version {
-            found: 5,
-            wanted: 4
+            found: 6,
+            wanted: 5
         })
     );
     for byte in 6..len {

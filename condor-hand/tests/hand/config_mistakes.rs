@@ -289,6 +289,12 @@ cases! {
     bias_below_least: TRIPOD,
         "arm_m = 1.0, bias_n = 5.0" => "arm_m = 1.0, bias_n = 0.5",
         "hand.toml:77:34: `flexor.bias_n` of joint `nail` of finger `a` is 0.5; it must be from 1 to 40\n    0.5";
+    antagonists_apart: TRIPOD,
+        "flexor = { min_n = 1.0" => "flexor = { bias_n = 36.0, min_n = 35.0",
+        "hand.toml:42:35: `flexor.min_n` of joint `roll` of finger `a` is 35; it must be below `extensor.max_n`, which is 30\n    35.0";
+    no_torque_of_its_own: UTAH,
+        "arm_m = 0.0127 }\nextensor = { adc = { board = 1, channel = 3 }, dac = { board = 0, channel = 3 }, arm_m = -0.0127 }" => "arm_m = 1e-7 }\nextensor = { adc = { board = 1, channel = 3 }, dac = { board = 0, channel = 3 }, arm_m = -1e-7 }",
+        "hand.toml:170:88: `flexor.arm_m` of joint `proximal` of finger `index` is too small; no tendon turns the joint without others; give its tendons larger arms\n    1e-7";
     coulomb_without_rate: TRIPOD,
         "coulomb_rate = 0.1" => "coulomb_rate = 0.0",
         "hand.toml:41:46: `friction.coulomb_rate` of joint `roll` of finger `a` is 0; it must be above 0\n    0.0";

@@ -266,11 +266,10 @@ fn tendons_that_cross_a_joint_add_to_its_torque() {
 #[test]
 fn joints_that_no_tendon_shares_with_a_saturated_one_still_get_their_torque() {
     let arms = finger(symmetric(), LIMITS);
-    let torque = Vector4::new(0.1, 0.2, 0.1, 5.0);
+    let torque = Vector4::new(0.1, 2.0, -1.5, -0.9);
     let allocated = arms.allocate(&torque);
-    assert_ne!(allocated.saturated & 0b1000, 0);
-    assert_eq!(allocated.saturated & 1, 0);
-    assert!((allocated.torque[0] - torque[0]).abs() < 1e-8);
+    assert_eq!(allocated.saturated, 0b0110);
+    assert!((allocated.torque[0] - torque[0]).abs() < 1e-5);
     assert!((arms.torque(&allocated.tensions) - allocated.torque).amax() < 1e-9);
 }
 
@@ -353,7 +352,7 @@ fn tendons_that_no_finger_can_have_are_refused() {
     assert_eq!(wrong(rows, LIMITS), format!("joint 0: {alone}"));
     let mut rows = symmetric();
     rows[3] = rows[2].map(|arms| arms.map(|arm| 2.0 * arm));
-    assert_eq!(wrong(rows, LIMITS), format!("joint 3: {alone}"));
+    assert_eq!(wrong(rows, LIMITS), format!("joint 2: {alone}"));
 }
 
 /// Any arms that reach all joints, and limits for each tendon.
@@ -419,8 +418,9 @@ proptest! {
         for joint in 0..4 {
             let is_saturated = allocated.saturated & 1 << joint != 0;
             let missing = (allocated.torque[joint] - torque[joint]).abs();
-            prop_assert!(missing < 1e-8 || is_saturated);
+            prop_assert!(missing < 1e-4 || is_saturated);
             prop_assert!(missing == 0.0 || allocated.saturated != 0);
+            prop_assert!(missing > 1e-12 || !is_saturated, "{} {}", joint, missing);
         }
         prop_assert!(allocated.steps < 60);
     }
@@ -481,8 +481,8 @@ proptest! {
     #[test]
     fn nothing_but_tensions_comes_out(
         arms in fingers(),
-        torque in [(); 4].map(|()| any::<f64>()),
-        given in [(); 4].map(|()| proptest::option::of((any::<f64>(), any::<f64>()))),
+        torque in [(); 4].map(|()| prop_oneof![9 => proptest::num::f64::ANY, 1 => -1.0..1.0]),
+        given in [(); 4].map(|()| proptest::option::of((proptest::num::f64::ANY, proptest::num::f64::ANY))),
     ) {
         let given = given.map(|given| given.map(|(flexor, extensor)| pair(flexor, extensor)));
         let allocated = arms.allocate_around(&Vector4::from(torque), &given);
@@ -490,5 +490,10 @@ proptest! {
         prop_assert!(allocated.torque.iter().all(|torque| torque.is_finite()));
         let broken = torque.iter().any(|torque| !torque.is_finite());
         prop_assert_eq!(allocated.not_finite != 0, broken);
+        for (joint, given) in given.iter().enumerate() {
+            let missing = (allocated.torque[joint] - torque[joint]).abs();
+            let is_said = broken || given.is_some() || allocated.saturated & 1 << joint != 0;
+            prop_assert!(missing < 1e-4 || is_said, "{} {}", joint, missing);
+        }
     }
 }

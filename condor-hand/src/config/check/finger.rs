@@ -252,7 +252,10 @@ impl<const J: usize> Joint<J> {
         of_flexor.number("arm_m", flexor.arm_m, POSITIVE)?;
         of_extensor.number("arm_m", extensor.arm_m, Requirement::Below(0.0))?;
         flexor.check(&of_flexor, rate_hz)?;
-        extensor.check(&of_extensor, rate_hz)
+        extensor.check(&of_extensor, rate_hz)?;
+        // Antagonists with different limits need tensions that both can have, so that a joint can have no torque.
+        of_flexor.below(("min_n", flexor.min_n), ("extensor.max_n", extensor.max_n))?;
+        of_extensor.below(("min_n", extensor.min_n), ("flexor.max_n", flexor.max_n))
     }
 }
 

@@ -2,12 +2,12 @@ use heapless::Vec;
 use nalgebra::{SVector, Vector3};
 
 use super::{GraspOrder, GraspReason, GraspReport, GraspState, HandJoints, MOST_FINGERS};
-use crate::config::Finger;
+use crate::config::{Finger, Joint};
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 use crate::grasp::{FingerState, GraspStiffness, TorqueLimits};
 use crate::kinematics::Kinematics;
-use crate::math::{clamp, max, min};
+use crate::math::{clamp, min};
 use crate::servo::{JointTarget, ServoMode};
 
 /// The time within which all fingers are to have the order, s.
@@ -105,18 +105,6 @@ struct Grip<const H: usize, const N: usize> {
     law: GraspStiffness<H, N>,
 }
 
-/// The torques that the tendons of a finger can give its joints.
-fn torque_limits<const N: usize>(finger: &Finger<N>) -> TorqueLimits<N> {
-    let mut limits = TorqueLimits::<N>::none();
-    if let Ok(arms) = finger.moment_arms() {
-        for (joint, (low, high)) in limits.low.iter_mut().zip(&mut limits.high).enumerate() {
-            let range = arms.torque_range(joint);
-            (*low, *high) = (min(range.0, 0.0), max(range.1, 0.0));
-        }
-    }
-    limits
-}
-
 impl<M, const F: usize, const N: usize> DistributedGrasp<M, F, N>
 where
     M: Kinematics<N> + Dynamics<N>,
@@ -126,12 +114,21 @@ where
     /// serves finger *i*.
     pub fn new(fingers: [(&Finger<N>, M); F], served: [bool; F]) -> Self {
         const { assert!(F <= MOST_FINGERS) };
+        let torque = |joint: &Joint<N>| {
+            min(
+                joint.flexor.arm_m * (joint.flexor.max_n - joint.flexor.min_n),
+                -joint.extensor.arm_m * (joint.extensor.max_n - joint.extensor.min_n),
+            )
+        };
         let mut holders = [const { None }; F];
         for (finger, (holder, served)) in holders.iter_mut().zip(served).enumerate() {
             *holder = served.then(|| Holder::new(finger));
         }
         Self {
-            members: fingers.map(|(finger, mechanism)| (mechanism, torque_limits(finger))),
+            members: fingers.map(|(finger, mechanism)| {
+                let limits = TorqueLimits::symmetric(&finger.each(torque));
+                (mechanism, limits)
+            }),
             holders,
             former: HandJoints::NONE,
             report: GraspReport::NOTHING,

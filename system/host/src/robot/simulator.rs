@@ -141,7 +141,7 @@ pub struct JointPlan {
     pub velocity_limit: f64,
     /// The greatest acceleration, rad/s².
     pub acceleration_limit: f64,
-    /// The least and the greatest torque of the joint's own tendons, N m.
+    /// The least and the greatest torque that the tendons can give the joint, N m, whatever the other joints get.
     pub torque_limits: [f64; 2],
     /// The tendons of the joint.
     pub tendons: Vec<TendonPlan>,

@@ -60,7 +60,7 @@ const LEVELS: [Level; 12] = [
     level(
         "tensions of torques",
         tendons::allocation,
-        0xa2ea_8ed1_3a56_748e,
+        0x63d4_3346_08f3_fc5d,
     ),
     level("servos of tendons", tendons::servos, 0x398a_4eee_e2e3_b4f3),
     level("profiles", trajectories::profiles, 0xfb48_ea31_4de4_04f0),
