@@ -252,7 +252,7 @@ impl<const N: usize> Search<'_, N> {
     /// The efforts within the limits.
     fn choose(&mut self, actuated: &mut [Actuated]) -> Choice {
         let mut saturated = self.limit();
-        // What was asked for was not possible, and may have been too large for numbers.
+        // Torques that are not possible may have been too large for numbers.
         if saturated != 0 {
             self.multipliers = [0.0; N];
         }
