@@ -171,9 +171,12 @@ impl<const N: usize> Rows<N> {
             add_square(&mut product, column);
         }
         // From the last joint to the first: a joint that tendons of more distal joints cross needs some of its own.
-        let reversed: [[f64; N]; N] = core::array::from_fn(|row| {
-            core::array::from_fn(|column| product[N - 1 - row][N - 1 - column])
-        });
+        let mut reversed = [[0.0; N]; N];
+        for (row, from) in reversed.iter_mut().zip(product.iter().rev()) {
+            for (element, from) in row.iter_mut().zip(from.iter().rev()) {
+                *element = *from;
+            }
+        }
         let pivots = Factors::new(reversed).pivots;
         if let Some(joint) = pivots.iter().position(|&pivot| pivot <= 1e-9) {
             return Err(N - 1 - joint);
