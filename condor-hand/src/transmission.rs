@@ -15,8 +15,8 @@
 //! For each torque there is a multiplier y, and `f = clamp(bias + Pᵀ y, low, high)`. The multipliers maximise a
 //! concave function, whose pieces are quadratic: Newton's method, with an exact search along each step, ends after
 //! few steps (L. Qi, J. Sun, A nonsmooth version of Newton's method, Mathematical Programming 58, 1993). Where no
-//! efforts give the torques, y grows without bounds along the torques that are missing; then the search ends at the
-//! last actuator that reaches a limit.
+//! efforts give the torques, y grows without bounds. A second search for the nearest torques then subtracts a little of
+//! y² from the function, so that it has a greatest value.
 
 use crate::math::{abs, clamp, is_finite, max, min, sqrt};
 use crate::number::{NumberError, Requirement, check, finite};
@@ -26,9 +26,9 @@ use crate::number::{NumberError, Requirement, check, finite};
 #[derive(Clone, Copy)]
 struct Accuracy {
     weight: f64,
-    /// The search ends when less than this part of the greatest effort is missing.
+    /// The search has ended when what is missing is less than `reached` times the greatest effort.
     reached: f64,
-    /// The search gives up when a multiplier is so many times the greatest effort.
+    /// The search gives up when a multiplier is more than `far` times the greatest effort: no efforts give the torques.
     far: f64,
     /// The most steps of Newton's method.
     steps: u32,
@@ -150,8 +150,8 @@ impl<const N: usize> Rows<N> {
     /// Divides the rows of a matrix of arms, m, by their lengths.
     ///
     /// # Errors
-    /// The number of the first joint whose torque does not depend on the efforts, or only together with those of
-    /// the joints before it.
+    /// The number of a joint whose torque does not depend on the efforts, or only together with those of the joints
+    /// after it.
     pub(crate) fn new(columns: &mut [[f64; N]]) -> Result<Self, usize> {
         let (mut per_length, mut product) = ([0.0; N], [[0.0; N]; N]);
         for (joint, per_length) in per_length.iter_mut().enumerate() {
@@ -195,7 +195,13 @@ impl<const N: usize> Rows<N> {
     }
 }
 
-impl<const N: usize> Arms<'_, N> {
+impl<'a, const N: usize> Arms<'a, N> {
+    /// The column and the limits of each actuator.
+    #[inline(always)]
+    fn actuators(&self) -> impl Iterator<Item = (&'a [f64; N], &'a EffortLimits)> + use<'a, N> {
+        self.columns.iter().zip(self.limits)
+    }
+
     /// Chooses the efforts for the torques (N m) of the `joints` of this bit mask; the torques of all others are
     /// what they come to. `actuated` has an element for each actuator. Torques must be finite.
     pub(crate) fn choose(
@@ -205,28 +211,23 @@ impl<const N: usize> Arms<'_, N> {
         actuated: &mut [Actuated],
     ) -> Choice {
         let mut search = Search {
-            columns: self.columns,
-            limits: self.limits,
+            arms: *self,
             wanted: core::array::from_fn(|joint| torques[joint] * self.rows.per_length[joint]),
             joints,
             multipliers: [0.0; N],
             weight: 0.0,
         };
-        let all = joints & ALL >> (32 - N) == ALL >> (32 - N);
-        if all && search.without_limits(self.rows, actuated) {
+        let all = u32::MAX >> (32 - N);
+        if joints & all == all && search.without_limits(actuated) {
             return Choice::default();
         }
         search.choose(actuated)
     }
 }
 
-/// All joints, a bit each.
-const ALL: u32 = u32::MAX;
-
 /// The search for the multipliers.
 struct Search<'a, const N: usize> {
-    columns: &'a [[f64; N]],
-    limits: &'a [EffortLimits],
+    arms: Arms<'a, N>,
     /// The torques, divided by the lengths of the rows.
     wanted: [f64; N],
     joints: u32,
@@ -237,14 +238,14 @@ struct Search<'a, const N: usize> {
 impl<const N: usize> Search<'_, N> {
     /// The efforts as if there were no limits. Returns true if they are within the limits.
     #[inline(always)]
-    fn without_limits(&mut self, rows: &Rows<N>, actuated: &mut [Actuated]) -> bool {
+    fn without_limits(&mut self, actuated: &mut [Actuated]) -> bool {
         let mut rest = self.wanted;
-        for (column, limits) in self.columns.iter().zip(self.limits) {
+        for (column, limits) in self.arms.actuators() {
             subtract(&mut rest, column, limits.bias);
         }
-        let multipliers = rows.inverse.map(|row| dot(&row, &rest));
+        let multipliers = self.arms.rows.inverse.map(|row| dot(&row, &rest));
         let mut is_within = true;
-        for ((column, limits), one) in self.columns.iter().zip(self.limits).zip(actuated) {
+        for ((column, limits), one) in self.arms.actuators().zip(actuated) {
             one.effort = limits.bias + dot(column, &multipliers);
             is_within &= one.effort >= limits.low && one.effort <= limits.high;
         }
@@ -280,7 +281,7 @@ impl<const N: usize> Search<'_, N> {
     /// Limits each torque to what its joint can have by itself. Returns a bit for each that was beyond that.
     fn limit(&mut self) -> u32 {
         let (mut low, mut high) = ([0.0; N], [0.0; N]);
-        for (column, limits) in self.columns.iter().zip(self.limits) {
+        for (column, limits) in self.arms.actuators() {
             for ((arm, low), high) in column.iter().zip(&mut low).zip(&mut high) {
                 let ends = (arm * limits.low, arm * limits.high);
                 *low += min(ends.0, ends.1);
@@ -325,7 +326,7 @@ impl<const N: usize> Search<'_, N> {
     #[inline(always)]
     fn rest(&self, actuated: &mut [Actuated]) -> [f64; N] {
         let mut rest = self.wanted;
-        for ((column, limits), one) in self.columns.iter().zip(self.limits).zip(actuated) {
+        for ((column, limits), one) in self.arms.actuators().zip(actuated) {
             one.open = limits.bias + dot(column, &self.multipliers);
             one.effort = limits.clamp(one.open);
             subtract(&mut rest, column, one.effort);
@@ -344,7 +345,7 @@ impl<const N: usize> Search<'_, N> {
     #[inline(always)]
     fn step(&mut self, rest: &[f64; N], actuated: &mut [Actuated]) {
         let mut hessian = [[0.0; N]; N];
-        for ((column, limits), one) in self.columns.iter().zip(self.limits).zip(&*actuated) {
+        for ((column, limits), one) in self.arms.actuators().zip(&*actuated) {
             // An actuator at a limit can change its effort one way.
             let free = if one.open > limits.low && one.open < limits.high {
                 true
@@ -366,11 +367,11 @@ impl<const N: usize> Search<'_, N> {
             row[joint] += self.weight;
         }
         let direction = Factors::new(hessian).solve(rest);
-        for (column, one) in self.columns.iter().zip(&mut *actuated) {
+        for (column, one) in self.arms.columns.iter().zip(&mut *actuated) {
             one.rate = dot(column, &direction);
         }
         let line = Line {
-            limits: self.limits,
+            limits: self.arms.limits,
             actuated,
             slope: dot(&self.wanted, &direction) - self.weight * dot(&self.multipliers, &direction),
             change: self.weight * dot(&direction, &direction),

@@ -291,8 +291,8 @@ fn explain<const M: usize>(points: &[Vector3<f64>; M]) -> GraspError {
     let inverse = 1.0 / cube;
     if M >= 3 && trace > spread && is_finite(inverse) {
         let what = "the conditioning of the contacts, which is 0 on a line,";
-        let least = LEAST_CONDITIONING;
-        return off(what, abs(determinant) / cube, Requirement::Above(least));
+        let must = Requirement::Above(LEAST_CONDITIONING);
+        return off(what, abs(determinant) / cube, must);
     }
     let mut points = points.iter();
     let distance = match (points.next(), points.next()) {

@@ -16,7 +16,6 @@ use crate::math::is_finite;
 use crate::number::{NumberError, Requirement, count, positive};
 use crate::tendon::{MomentArms, Pair, TendonPairs};
 use crate::trajectory::SetPoint;
-use crate::transmission::EffortLimits;
 
 /// The readings of all sensors of a finger in one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +62,6 @@ pub struct FingerServo<M, const N: usize> {
     mechanism: M,
     arms: MomentArms<N>,
     drive: DriveDynamics<N>,
-    limits: TendonPairs<EffortLimits, N>,
     joints: [JointServo; N],
     position_filters: LowPass<N>,
     velocities: Derivative<N>,
@@ -97,13 +95,12 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         let sample_hz = settings.sample_hz;
         let mut joints = heapless::Vec::<_, N>::new();
         let inertias = least_inertias(&mechanism, settings);
-        let limits = arms.limits();
-        let all = settings.joints.iter().zip(&limits).zip(inertias);
+        let all = settings.joints.iter().zip(arms.limits()).zip(inertias);
         for (joint, ((of_joint, limits), inertia)) in all.enumerate() {
             let torque = arms.torque_range(joint);
             let wrong = |error: NumberError| error.at(Subject::Joint(joint as u16));
             let servo =
-                JointServo::new(of_joint, torque, limits, inertia, sample_hz).map_err(wrong)?;
+                JointServo::new(of_joint, torque, &limits, inertia, sample_hz).map_err(wrong)?;
             LowPass::new([of_joint.position_cutoff_hz], sample_hz).map_err(wrong)?;
             Derivative::new([of_joint.velocity_cutoff_hz], sample_hz).map_err(wrong)?;
             // There is room for N.
@@ -125,7 +122,6 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
             mechanism,
             arms,
             drive: settings.drive,
-            limits,
             joints,
             position_filters: LowPass::new(position_cutoffs_hz, sample_hz)?,
             velocities: Derivative::new(velocity_cutoffs_hz, sample_hz)?,
@@ -358,7 +354,7 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
             self.transition.begin(&before, kept, &self.desired);
         }
         self.transition
-            .smooth(&mut self.desired, &self.limits, elapsed.periods);
+            .smooth(&mut self.desired, &self.arms, elapsed.periods);
 
         let rates = self.arms.length_rates(&velocity);
         let mut command = self.desired;

@@ -65,7 +65,6 @@ impl<const N: usize> Readings<N> {
         targets: &[f64; N],
         elapsed: Elapsed,
     ) -> [UnseenMotion; N] {
-        let zero = 0.0;
         let mut unseen = [None; N];
         self.lost = 0;
         for lane in 0..N {
@@ -78,13 +77,13 @@ impl<const N: usize> Readings<N> {
             let way = rates[lane] * self.away[lane];
             let is_near = self.is_near(lane, moved, way, self.silent[lane]);
             if is_number {
-                self.silent[lane] = zero;
+                self.silent[lane] = 0.0;
             }
             let gone = position - self.there[lane];
             let stands = self.stands(lane, gone);
             let going = self.going[lane];
             let led = targets[lane] - self.wanted[lane];
-            let led = if going > zero { led } else { -led };
+            let led = if going > 0.0 { led } else { -led };
             // A reading that was off has not shown how fast the joint goes, and a joint that falls behind may stand.
             let far = abs(going) * still;
             let has_gone = far > self.frozen[lane];
@@ -94,17 +93,17 @@ impl<const N: usize> Readings<N> {
             let begins = is_number && !seen[lane];
             if begins || seen[lane] && is_near && !is_frozen {
                 if begins || !stands {
-                    self.going[lane] = if begins { zero } else { gone / still };
+                    self.going[lane] = if begins { 0.0 } else { gone / still };
                     self.there[lane] = position;
-                    self.still[lane] = zero;
+                    self.still[lane] = 0.0;
                     self.wanted[lane] = targets[lane];
                 } else if has_gone {
                     // Otherwise it was to stop, and has.
                     let goes_on = led > self.resolution[lane];
-                    self.going[lane] = if goes_on { going } else { zero };
+                    self.going[lane] = if goes_on { going } else { 0.0 };
                 }
                 self.last[lane] = position;
-                self.away[lane] = zero;
+                self.away[lane] = 0.0;
                 seen[lane] = true;
                 continue;
             }

@@ -1,8 +1,7 @@
 //! [`Transition`] and [`Mean`]: how a finger's tensions pass from before a change to after it.
 
 use crate::math::max;
-use crate::tendon::{Pair, TendonPairs};
-use crate::transmission::EffortLimits;
+use crate::tendon::{MomentArms, Pair, TendonPairs};
 
 /// The number of ticks within which a joint reaches the mean tensions that it takes over.
 const SETTLING_TICKS: f64 = 4.0;
@@ -109,13 +108,13 @@ impl<const N: usize> Transition<N> {
     pub(super) fn smooth(
         &mut self,
         tensions: &mut TendonPairs<f64, N>,
-        limits: &TendonPairs<EffortLimits, N>,
+        arms: &MomentArms<N>,
         periods: f64,
     ) {
         if self.change.left > 0.0 || self.settling.left > 0.0 {
             self.change.add(tensions, periods);
             self.settling.add(tensions, periods);
-            for (tension, limits) in tensions.iter_mut().zip(limits) {
+            for (tension, limits) in tensions.iter_mut().zip(arms.limits()) {
                 tension.flexor = limits.flexor.clamp(tension.flexor);
                 tension.extensor = limits.extensor.clamp(tension.extensor);
             }

@@ -123,34 +123,33 @@ impl<const L: usize> TensionServos<L> {
         length_rate: &[f64; L],
         elapsed: Elapsed,
     ) -> [f64; L] {
-        let zero = 0.0;
-        let mut command = [zero; L];
+        let mut command = [0.0; L];
         for i in 0..L {
             let TensionGains { kt, ki, kd, kv } = self.gains[i];
             let is_measured = is_finite(measured[i]);
             if is_finite(asked[i]) {
-                self.desired[i] = clamp(asked[i], zero, self.greatest[i]);
+                self.desired[i] = clamp(asked[i], 0.0, self.greatest[i]);
             }
             let desired = self.desired[i];
             let error = if is_measured {
                 desired - measured[i]
             } else {
-                zero
+                0.0
             };
             let rate = if is_measured && self.has_last[i] {
                 (error - self.last_error[i]) * elapsed.hz * elapsed.weight
             } else {
-                zero
+                0.0
             };
             (self.last_error[i], self.has_last[i]) = (error, is_measured);
             let damping = if is_finite(length_rate[i]) {
                 kv * length_rate[i]
             } else {
-                zero
+                0.0
             };
             let rest = desired + kt * error + kd * rate - damping;
             let increment = ki * error * elapsed.seconds;
-            let output = self.integrals[i].update(rest, increment, zero, self.greatest[i]);
+            let output = self.integrals[i].update(rest, increment, 0.0, self.greatest[i]);
             // Products of huge numbers can still overflow; then the actuator gets the open loop.
             command[i] = output.unwrap_or(desired);
         }

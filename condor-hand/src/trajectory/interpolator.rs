@@ -299,11 +299,10 @@ fn refused(joint: usize, point: &SetPoint, way: NumberError) -> NumberError {
 
 impl PathPart {
     fn rest(position: f64) -> Self {
-        let zero = 0.0;
         Self {
-            position: [position, zero, zero, zero],
-            velocity: [zero; 3],
-            acceleration: [zero; 2],
+            position: [position, 0.0, 0.0, 0.0],
+            velocity: [0.0; 3],
+            acceleration: [0.0; 2],
         }
     }
 

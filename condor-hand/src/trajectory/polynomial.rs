@@ -31,10 +31,9 @@ impl Polynomial {
     pub fn cubic(start: &SetPoint, end: &SetPoint, duration: f64) -> Result<Self, NumberError> {
         let dx = end.position - start.position;
         let (w0, w1) = (start.velocity * duration, end.velocity * duration);
-        let zero = 0.0;
         let c2 = 3.0 * dx - 2.0 * w0 - w1;
         let c3 = w0 + w1 - 2.0 * dx;
-        Self::checked([start.position, w0, c2, c3, zero, zero], duration, end)
+        Self::checked([start.position, w0, c2, c3, 0.0, 0.0], duration, end)
     }
 
     /// Makes the quintic polynomial from `start` to `end` in `duration` (s). It has the given

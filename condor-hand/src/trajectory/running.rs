@@ -123,8 +123,7 @@ impl Running {
 
     /// The greatest change of the rate towards `goal` that all joints can follow.
     fn change<const J: usize>(&self, joints: &[Mover; J], tick: f64, goal: f64) -> f64 {
-        let greatest = GREATEST_CHANGE;
-        let mut change = clamp(goal - self.rate, -greatest, greatest);
+        let mut change = clamp(goal - self.rate, -GREATEST_CHANGE, GREATEST_CHANGE);
         for _ in 0..HALVINGS {
             if change == 0.0 || self.allows(joints, tick, change) {
                 return change;

@@ -341,9 +341,8 @@ impl Segments {
         if duration <= least + slack {
             return way.with(fastest, least).map(Some);
         }
-        let zero = 0.0;
-        if case.distance == zero && case.velocity == zero && case.acceleration == zero {
-            return way.with(zero, duration).map(Some);
+        if case.distance == 0.0 && case.velocity == 0.0 && case.acceleration == 0.0 {
+            return way.with(0.0, duration).map(Some);
         }
         let peak = case.lasting(duration, fastest);
         let total = case.total(peak);

@@ -22,14 +22,13 @@ impl Symmetric3 {
     #[inline(always)]
     #[must_use]
     pub fn zero() -> Self {
-        let zero = 0.0;
         Self {
-            xx: zero,
-            xy: zero,
-            xz: zero,
-            yy: zero,
-            yz: zero,
-            zz: zero,
+            xx: 0.0,
+            xy: 0.0,
+            xz: 0.0,
+            yy: 0.0,
+            yz: 0.0,
+            zz: 0.0,
         }
     }
 
