@@ -14,7 +14,6 @@ use condor_hand::controller::{FingerController, read_finger, write_finger};
 use condor_hand::math::max;
 use condor_hand::plant::PlantModel;
 use condor_hand::servo::ServoMode;
-use condor_hand::tendon::Pair;
 use condor_hand::trajectory::{Generator, Observations, motion};
 use nalgebra::{Vector3, Vector4};
 
@@ -33,13 +32,14 @@ to = { proximal = 0.3, middle = 0.4, distal = 0.4 }
 "#;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml")?;
+    let hand = Hand::<4, 4, 8>::from_toml(HAND, "utah-mit.toml")?;
     let index = &hand.fingers[0];
     let mechanism = index.planar().ok_or("a finger of another form")?;
+    let tendons = index.transmission()?;
     let start = Vector4::new(0.0, 0.3, 0.4, 0.4);
 
     // The servo's processor. A joint that gets a mode holds its present position.
-    let mut controller = FingerController::new(&hand, index, mechanism)?;
+    let mut controller = FingerController::new(&hand, index, mechanism, tendons)?;
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position)?;
     }
@@ -54,10 +54,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     // The simulated finger; on a real one the two closures below read and write converters.
-    let mut finger = PlantModel::default().finger(index, mechanism, start)?;
+    let mut finger = PlantModel::default().finger(index, mechanism, tendons, start)?;
     let gravity = Vector3::from(hand.gravity);
     let period_s = 1.0 / f64::from(hand.servo_hz);
-    let mut commands = [Pair::both(0.0); 4];
+    let mut commands = [0.0; 8]; // N
     let mut worst = 0.0_f64;
 
     for tick in 0..2 * hand.servo_hz {
@@ -66,8 +66,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let input = hand.input(wire)?;
             Some(input.counts(match wire {
                 Wire::Position { joint, .. } => finger.q()[joint],
-                Wire::Flexor { joint, .. } => finger.tensions()[joint].flexor,
-                Wire::Extensor { joint, .. } => finger.tensions()[joint].extensor,
+                Wire::Actuator { actuator, .. } => finger.efforts()[actuator],
                 Wire::Touch { .. } | Wire::Axis { .. } => return None,
             }))
         });
@@ -83,11 +82,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let Some(wire) = hand.wire(channel) else {
                 return;
             };
-            let newtons = hand.output(wire).map_or(0.0, |output| output.value(counts));
-            match wire {
-                Wire::Flexor { joint, .. } => commands[joint].flexor = newtons,
-                Wire::Extensor { joint, .. } => commands[joint].extensor = newtons,
-                Wire::Position { .. } | Wire::Touch { .. } | Wire::Axis { .. } => {}
+            if let (Wire::Actuator { actuator, .. }, Some(output)) = (wire, hand.output(wire)) {
+                commands[actuator] = output.value(counts);
             }
         });
         finger.step(period_s, 5, &commands, &gravity)?;

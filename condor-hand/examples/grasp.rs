@@ -22,6 +22,7 @@ use condor_hand::kinematics::{JointLimits, PlanarFinger};
 use condor_hand::math;
 use condor_hand::plant::{self, ObjectParameters, PlantModel, SimObject, SimStop};
 use condor_hand::servo::JointTarget;
+use condor_hand::transmission::Linear;
 use nalgebra::{Vector3, Vector4};
 
 const HAND: &str = include_str!("../hands/utah-mit.toml");
@@ -99,9 +100,9 @@ fn hold<const M: usize>(numbers: [usize; M]) -> Result<bool, Box<dyn Error>> {
 
 /// A simulated hand, its controllers, and the law that makes the ball stiff.
 struct Bench<const M: usize> {
-    hand: Hand<4, 4>,
-    plant: plant::SimHand<PlanarFinger, M, 4>,
-    fingers: [FingerController<PlanarFinger, 4>; M],
+    hand: Hand<4, 4, 8>,
+    plant: plant::SimHand<PlanarFinger, Linear<4, 8>, M, 4, 8>,
+    fingers: [FingerController<PlanarFinger, Linear<4, 8>, 4, 8>; M],
     velocities: [Vector4<f64>; M],
     law: Option<GraspStiffness<M, 4>>,
     /// The force and the moment that push the ball, N and N m.
@@ -115,7 +116,7 @@ struct Bench<const M: usize> {
 impl<const M: usize> Bench<M> {
     /// The fingers stand a millimetre from the ball.
     fn new(numbers: [usize; M]) -> Result<Self, Box<dyn Error>> {
-        let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml")?;
+        let hand = Hand::<4, 4, 8>::from_toml(HAND, "utah-mit.toml")?;
         let machine = PlantModel {
             joint_stop: SimStop {
                 stiffness: 50.0,
@@ -144,8 +145,9 @@ impl<const M: usize> Bench<M> {
             // Well bent, the joints are far from their stops.
             let present = Vector4::new(0.0, 0.9, 0.8, 0.5);
             let q = finger.chain().nearest(&target, &present, &limits)?.posture;
-            plants.push(machine.finger(finger, mechanism, q)?);
-            controllers.push(FingerController::new(&hand, finger, mechanism)?);
+            let tendons = finger.transmission()?;
+            plants.push(machine.finger(finger, mechanism, tendons, q)?);
+            controllers.push(FingerController::new(&hand, finger, mechanism, tendons)?);
         }
         let plants = plants.try_into().map_err(|_| "as many plants as numbers")?;
         let fingers = controllers
@@ -243,7 +245,7 @@ impl<const M: usize> Bench<M> {
 
         let gravity = Vector3::from(self.hand.gravity);
         let period_s = 1.0 / f64::from(self.hand.servo_hz);
-        let mut commands = [Default::default(); M];
+        let mut commands = [[0.0; 8]; M];
         for (((finger, plant), command), velocity) in self
             .fingers
             .iter_mut()

@@ -14,7 +14,7 @@
 //! # #[cfg(feature = "text")] {
 //! use condor_hand::config::Hand;
 //!
-//! type UtahMit = Hand<4, 4>;
+//! type UtahMit = Hand<4, 4, 8>;
 //!
 //! // On the host:
 //! let text = include_str!("../hands/utah-mit.toml");
@@ -25,8 +25,8 @@
 //! // On a processor:
 //! let hand = UtahMit::from_image(&image[..len]).unwrap();
 //! for (index, finger) in hand.fingers_on(2) {
-//!     let arms = finger.moment_arms().unwrap();
-//!     println!("finger {index}, {}: moment arms {:?} m", finger.name, arms.rows()[3]);
+//!     let transmission = finger.transmission().unwrap();
+//!     println!("finger {index}, {}: moment arms {:?} m", finger.name, transmission.arms());
 //! }
 //! # }
 //! ```
@@ -44,19 +44,19 @@
 //! | `[[processors]]` | [`ControlProcessor`]: number, kind, rate, and how long its work takes |
 //! | `[[table.axes]]` | [`Axis`] of the table that carries the hand, if there is one |
 //! | `[[fingers]]` | [`Finger`]: name, base, form |
-//! | `[[fingers.joints]]` | [`Joint`]: proximal first; its processor, sensor, servo, tendons and link |
-//! | `flexor`, `extensor` of a joint | [`Tendon`]: sensor, output, arm, tensions, gains |
+//! | `[[fingers.joints]]` | [`Joint`]: proximal first; its processor, sensor, servo and link |
+//! | `[[fingers.actuators]]` | [`Actuator`]: the joints that it moves, limits, sensor, output, gains |
 //! | `touch` of a finger | [`Touch`]: the tactile sensor of its tip, and the force of a contact; optional |
-//! | `crosses` of a joint | [`Crossing`]: a proximal joint that its tendons have arms at too |
 //! | `adc`, `dac` | [`InputChannel`] and [`OutputChannel`]: board, channel and calibration |
 //!
 //! A choice is a word or a table with one key, such as `shape = { cuboid = [0.04, 0.02, 0.02] }`: a [`Form`], a
 //! [`Rotation`], a [`JointMotion`] and a [`Shape`].
 //!
-//! Joints need not repeat values. A value that a joint leaves out is taken from `joint_defaults` of
-//! its finger, then from the joint at the same place of the finger that its finger is `like`, and
-//! then from `joint_defaults` of the file. Tables are completed key by key; lists, and tables that
-//! choose another variant, are not completed. A finger that is `like` one above it takes everything
+//! Joints and actuators need not repeat values. A value that a joint leaves out is taken from
+//! `joint_defaults` of its finger, then from the joint at the same place of the finger that its
+//! finger is `like`, and then from `joint_defaults` of the file; those of an actuator from
+//! `actuator_defaults`. Tables are completed key by key; lists, `arms`, and tables that choose
+//! another variant, are not completed. A finger that is `like` one above it takes everything
 //! else from there, except its name and its channels, which no two fingers share.
 //!
 //! An error says where it is and what would be right:
@@ -65,7 +65,7 @@
 //! # #[cfg(feature = "text")] {
 //! # use condor_hand::config::Hand;
 //! let text = "name = \"mine\"\nservo_rate_hz = 400\n";
-//! let error = Hand::<4, 4>::from_toml(text, "mine.toml").unwrap_err();
+//! let error = Hand::<4, 4, 8>::from_toml(text, "mine.toml").unwrap_err();
 //! assert_eq!((error.line, error.column), (2, 1));
 //! println!("{error}");
 //! # }
@@ -85,14 +85,14 @@ mod tunable;
 mod views;
 mod wiring;
 
-pub(crate) use tunable::JointNumbers;
+pub(crate) use tunable::{ActuatorNumbers, JointNumbers};
 
 #[cfg(feature = "text")]
 pub use condor_toml::TextError;
 pub use fault_text::FaultText;
 pub use finger::{
-    Crossing, Finger, Form, Joint, JointFriction, JointMotion, JointServo, LinkBody, Mount,
-    Placement, ServoLaw, Shape, SoftStopSettings, Tendon, Touch,
+    Actuator, EffortFaults, EffortRange, Finger, Form, Joint, JointFriction, JointMotion,
+    JointServo, LinkBody, Mount, Placement, ServoLaw, Shape, SoftStopSettings, Touch,
 };
 pub use hand::{
     Axis, AxisServoSettings, ContactSurface, ControlProcessor, FaultPolicy, Hand, PROCESSORS,
@@ -103,8 +103,10 @@ pub use mistake::{Allowed, Mistake, MistakePath, MistakePlace, MistakeValue};
 pub use rotation::Rotation;
 #[cfg(feature = "text")]
 pub use text::line_of;
-pub use tunable::{AxisNumber, FaultNumber, JointNumber, MotionNumber, NumberName, NumberRange};
+pub use tunable::{
+    ActuatorNumber, AxisNumber, FaultNumber, JointNumber, MotionNumber, NumberName, NumberRange,
+};
 pub use wiring::{Channel, Converter, InputChannel, OutputChannel, Wire};
 
-/// The name of a hand, a finger, a joint or an axis: UTF-8 text of at most 64 bytes.
+/// The name of a hand, a finger, a joint, an actuator or an axis: UTF-8 text of at most 64 bytes.
 pub type Name = heapless::String<64, u8>;

@@ -17,10 +17,10 @@ pub enum FaultCode {
     Stuck = 2,
     /// The measured value is too far from the desired one.
     Tracking = 3,
-    /// A tendon pulls less than a whole and taut tendon would.
-    Slack = 4,
-    /// A tendon pulls more than it can bear.
-    OverTension = 5,
+    /// The effort of an actuator is less than it must be: a tendon is slack, or broken.
+    LowEffort = 4,
+    /// The effort of an actuator is more than it, or what it moves, can bear.
+    HighEffort = 5,
     /// A joint is past its limits.
     JointLimit = 6,
     /// A tick of the servo came too late.
@@ -38,15 +38,15 @@ impl FaultCode {
         Self::OutOfRange,
         Self::Stuck,
         Self::Tracking,
-        Self::Slack,
-        Self::OverTension,
+        Self::LowEffort,
+        Self::HighEffort,
         Self::JointLimit,
         Self::MissedDeadline,
         Self::StaleSetPoint,
         Self::Jump,
     ];
 
-    /// Returns the kind of fault in a word or two, such as "slack".
+    /// Returns the kind of fault in a word or two, such as "stuck".
     #[must_use]
     pub const fn name(self) -> &'static str {
         self.texts().0
@@ -66,8 +66,8 @@ impl FaultCode {
             Self::OutOfRange => ("out of range", "check the sensor and its wires"),
             Self::Stuck => ("stuck", "check the sensor, and whether something blocks the joint"),
             Self::Tracking => ("tracking error", "see whether something blocks the joint, or its load is too large"),
-            Self::Slack => ("slack", "check the tendon and the sensor of its tension"),
-            Self::OverTension => ("over-tension", "reduce the load, or the stiffness"),
+            Self::LowEffort => ("effort too low", "check the actuator, its tendon if it has one, and the sensor of its effort"),
+            Self::HighEffort => ("effort too high", "reduce the load, or the stiffness"),
             Self::JointLimit => ("past its limit", "bring the joint back within its limits"),
             Self::MissedDeadline => ("missed deadline", "see whether its processor has too much to do"),
             Self::StaleSetPoint => ("stale set-point", "see whether the program that sends set-points has ended, or was too slow"),

@@ -2,7 +2,7 @@
 //! [grasp]: mod@grasp
 //! [trajectory]: mod@trajectory
 //! [servo]: mod@servo
-//! [tendon]: mod@tendon
+//! [fault]: mod@fault
 //! [controller]: mod@controller
 //! [control]: mod@control
 //! [transmission]: mod@transmission
@@ -27,23 +27,23 @@
 pub mod config;
 pub mod controller;
 
-// The levels, from objects to tendons.
+// The levels, from objects to actuators.
 pub mod grasp;
 pub mod servo;
-pub mod tendon;
 pub mod trajectory;
+pub mod transmission;
 
 // The building blocks, useful without a hand.
 pub mod control;
 pub mod decimal;
 pub mod dynamics;
+pub mod fault;
 mod fault_code;
 mod image;
 pub mod kinematics;
 pub mod math;
 mod number;
 mod pose;
-pub mod transmission;
 
 // A hand to try them on.
 #[cfg(feature = "sim")]

@@ -30,21 +30,17 @@ pub enum Subject {
     Whole,
     /// The joint of this number, counted from the palm.
     Joint(u16),
-    /// The tendon that pulls this joint to positive angles.
-    Flexor(u16),
-    /// The antagonist of this joint.
-    Extensor(u16),
-    /// A tendon where it crosses a joint.
-    Crossing {
-        /// The joint to which the tendon belongs.
-        tendon: u16,
-        /// The joint that it crosses.
+    /// The actuator of this number.
+    Actuator(u16),
+    /// The arm of an actuator at a joint.
+    Arm {
+        /// The number of the actuator.
+        actuator: u16,
+        /// The number of the joint.
         joint: u16,
     },
-    /// A check for faults of the tendon that pulls this joint to positive angles, and the kind of fault.
-    FlexorCheck(u16, FaultCode),
-    /// A check for faults of the antagonist of this joint, and the kind of fault.
-    ExtensorCheck(u16, FaultCode),
+    /// A check for faults of an actuator, and the kind of fault.
+    ActuatorCheck(u16, FaultCode),
     /// A check for faults of a joint, and the kind of fault.
     JointCheck(u16, FaultCode),
     /// A check for faults of a finger as a whole, and the kind of fault.
@@ -130,16 +126,13 @@ impl fmt::Display for Subject {
         match self {
             Self::Whole => f.write_str("the whole"),
             Self::Joint(joint) => write!(f, "joint {joint}"),
-            Self::Flexor(joint) => write!(f, "the flexor of joint {joint}"),
-            Self::Extensor(joint) => write!(f, "the extensor of joint {joint}"),
-            Self::Crossing { tendon, joint } => {
-                write!(
-                    f,
-                    "a tendon of joint {tendon} where it crosses joint {joint}"
-                )
+            Self::Actuator(actuator) => write!(f, "actuator {actuator}"),
+            Self::Arm { actuator, joint } => {
+                write!(f, "actuator {actuator} at joint {joint}")
             }
-            Self::FlexorCheck(joint, code) => write!(f, "{}, '{code}'", Self::Flexor(*joint)),
-            Self::ExtensorCheck(joint, code) => write!(f, "{}, '{code}'", Self::Extensor(*joint)),
+            Self::ActuatorCheck(actuator, code) => {
+                write!(f, "{}, '{code}'", Self::Actuator(*actuator))
+            }
             Self::JointCheck(joint, code) => write!(f, "{}, '{code}'", Self::Joint(*joint)),
             Self::FingerCheck(code) => write!(f, "the finger, '{code}'"),
             Self::Base => f.write_str("the base"),

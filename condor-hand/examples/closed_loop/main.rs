@@ -32,11 +32,11 @@ const TRIALS: [Trial; 2] = [
     },
     // The lag of the shipped velocity filter, 60 Hz, allows some 17 Hz.
     Trial {
-        name: "joints at 20 Hz, K_T = 1, velocity filter at 100 Hz",
+        name: "joints at 20 Hz, kp = 1, velocity filter at 100 Hz",
         tuning: Some(Tuning {
             bandwidth_hz: 20.0,
             velocity_cutoff_hz: 100.0,
-            kt: 1.0,
+            kp: 1.0,
         }),
     },
 ];
@@ -85,7 +85,7 @@ fn run(configuration: &Configuration, trial: &Trial, command: &[String]) -> Resu
             GOALS.restless_deg,
         ),
         ("range of a command, N", errors.restless_n, GOALS.restless_n),
-        ("below least tension, N", errors.slack_n, GOALS.slack_n),
+        ("below least effort, N", errors.short_n, GOALS.short_n),
     ] {
         println!("{what:26}| {found:7.4}  {most:7.4}");
     }

@@ -5,15 +5,14 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use condor_hand::servo::FingerReadings;
-use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::SVector;
 
-use super::rig::{FINGERS, HandState, JOINTS, OfJoints, Plant, Result};
+use super::rig::{ACTUATORS, FINGERS, HandState, JOINTS, OfActuators, OfJoints, Plant, Result};
 
 const COUNT: usize = FINGERS * JOINTS;
 
 /// The protocol is that of `mujoco_hand.py`: `reset` or `step` with numbers, answered by
-/// positions, rates, tensions, and whatever else the plant has, in one line.
+/// positions, rates, efforts, and whatever else the plant has, in one line.
 pub(crate) struct Process {
     child: Child,
     requests: ChildStdin,
@@ -70,26 +69,20 @@ impl Plant for Process {
         self.ask(&request)
     }
 
-    fn step(&mut self, commands: &[TendonPairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
+    fn step(&mut self, commands: &OfActuators) -> Result<HandState> {
         let mut request = "step".to_owned();
-        for pair in commands.iter().flatten() {
-            write!(request, " {} {}", pair.flexor, pair.extensor)?;
+        for command in commands.iter().flatten() {
+            write!(request, " {command}")?;
         }
         self.ask(&request)
     }
 }
 
-/// Positions, rates, which sensors do not tell, and tensions.
+/// Positions, rates, which sensors do not tell, and efforts.
 fn state(numbers: &[f64]) -> HandState {
     std::array::from_fn(|finger| FingerReadings {
         position: SVector::from_fn(|joint, _| numbers[JOINTS * finger + joint]),
-        tension: std::array::from_fn(|joint| {
-            let at = 2 * COUNT + 2 * (JOINTS * finger + joint);
-            Pair {
-                flexor: numbers[at],
-                extensor: numbers[at + 1],
-            }
-        }),
+        effort: std::array::from_fn(|actuator| numbers[2 * COUNT + ACTUATORS * finger + actuator]),
         touch: 0.0,
     })
 }

@@ -5,10 +5,10 @@ use std::error::Error;
 use condor_hand::config;
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::plant::{DriveKind, PlantModel, SimFinger, SimHand};
+use condor_hand::plant::{DriveKind, PlantModel, SimHand};
 use condor_hand::servo::{FingerReadings, ServoMode};
-use condor_hand::tendon::{Pair, TendonPairs};
 use condor_hand::trajectory::{SetPoint, StopGuard};
+use condor_hand::transmission::Linear;
 use nalgebra::{SVector, Vector3};
 
 pub(crate) type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -17,10 +17,17 @@ pub(crate) const FINGERS: usize = 4;
 /// Of a finger.
 pub(crate) const JOINTS: usize = 4;
 
-pub(crate) type Configuration = config::Hand<FINGERS, JOINTS>;
+pub(crate) const ACTUATORS: usize = 8;
+
+pub(crate) type Configuration = config::Hand<FINGERS, JOINTS, ACTUATORS>;
+
+pub(crate) type Tendons = Linear<JOINTS, ACTUATORS>;
 
 /// Something of each joint of the hand.
 pub(crate) type OfJoints<T> = [[T; JOINTS]; FINGERS];
+
+/// An effort of each actuator of the hand, N: flexors and extensors in turn.
+pub(crate) type OfActuators = [[f64; ACTUATORS]; FINGERS];
 
 /// The configuration in the package.
 pub(crate) fn shipped() -> Result<Configuration> {
@@ -28,21 +35,21 @@ pub(crate) fn shipped() -> Result<Configuration> {
     Ok(Configuration::from_toml(text, "utah-mit.toml")?)
 }
 
-/// A hand that takes tensions and returns positions and tensions.
+/// A hand that takes commands of actuators, and returns positions and efforts.
 pub(crate) trait Plant {
-    /// Puts the joints at rest at these positions, rad, without tension.
+    /// Puts the joints at rest at these positions, rad, without effort.
     fn reset(&mut self, positions: &OfJoints<f64>) -> Result<HandState>;
 
     /// Holds commands (N) for one period of the servos.
-    fn step(&mut self, commands: &[TendonPairs<f64, JOINTS>; FINGERS]) -> Result<HandState>;
+    fn step(&mut self, commands: &OfActuators) -> Result<HandState>;
 }
 
 /// The readings of all sensors of a hand.
-pub(crate) type HandState = [FingerReadings<JOINTS>; FINGERS];
+pub(crate) type HandState = [FingerReadings<JOINTS, ACTUATORS>; FINGERS];
 
 /// The plant of this package, with the integration of `MuJoCo`.
 pub(crate) struct Simulated {
-    hand: SimHand<PlanarFinger, FINGERS, JOINTS>,
+    hand: SimHand<PlanarFinger, Tendons, FINGERS, JOINTS, ACTUATORS>,
 }
 
 impl Simulated {
@@ -55,8 +62,9 @@ impl Simulated {
             let finger = &configuration.fingers[finger];
             let mechanism = finger.planar().ok_or("a finger is not planar")?;
             let q = SVector::from(posture());
-            let still = machine.finger(finger, mechanism, q)?;
-            Ok::<SimFinger<_, JOINTS>, Box<dyn Error>>(still)
+            let tendons = finger.transmission()?;
+            let still = machine.finger(finger, mechanism, tendons, q)?;
+            Ok::<_, Box<dyn Error>>(still)
         })?;
         let parameters = machine.hand_parameters(configuration);
         Ok(Self {
@@ -72,12 +80,12 @@ impl Simulated {
 impl Plant for Simulated {
     fn reset(&mut self, positions: &OfJoints<f64>) -> Result<HandState> {
         for (finger, &positions) in self.hand.fingers_mut().iter_mut().zip(positions) {
-            finger.reset(positions.into(), [Pair::both(0.0); JOINTS])?;
+            finger.reset(positions.into(), [0.0; ACTUATORS])?;
         }
         Ok(self.state())
     }
 
-    fn step(&mut self, commands: &[TendonPairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
+    fn step(&mut self, commands: &OfActuators) -> Result<HandState> {
         self.hand.step(commands)?;
         Ok(self.state())
     }
@@ -91,7 +99,7 @@ pub(crate) fn posture() -> [f64; JOINTS] {
 /// Controllers, a plant, and what its sensors said last.
 pub(crate) struct Rig<P> {
     plant: P,
-    pub(crate) fingers: [FingerController<PlanarFinger, JOINTS>; FINGERS],
+    pub(crate) fingers: [FingerController<PlanarFinger, Tendons, JOINTS, ACTUATORS>; FINGERS],
     pub(crate) state: HandState,
     gravity: Vector3<f64>,
     period_s: f64,
@@ -104,7 +112,9 @@ impl<P: Plant> Rig<P> {
         let mut fingers = each(|finger| {
             let finger = &configuration.fingers[finger];
             let mechanism = finger.planar().ok_or("a finger is not planar")?;
-            Ok::<_, Box<dyn Error>>(FingerController::new(configuration, finger, mechanism)?)
+            let tendons = finger.transmission()?;
+            let controller = FingerController::new(configuration, finger, mechanism, tendons)?;
+            Ok::<_, Box<dyn Error>>(controller)
         })?;
         for controller in &mut fingers {
             for joint in 0..JOINTS {
@@ -149,7 +159,7 @@ impl<P: Plant> Rig<P> {
     }
 
     /// One tick of the servos, on what the sensors said last, and the period after it.
-    pub(crate) fn tick(&mut self) -> Result<[FingerTick<JOINTS>; FINGERS]> {
+    pub(crate) fn tick(&mut self) -> Result<[FingerTick<JOINTS, ACTUATORS>; FINGERS]> {
         let mut loops = self.fingers.iter_mut().zip(&self.state);
         let done = each(|finger| {
             let (controller, sensed) = loops.next().ok_or("a finger without sensors")?;

@@ -3,7 +3,9 @@
 use condor_hand::math::{max, min};
 use condor_hand::trajectory::{Polynomial, SetPoint};
 
-use super::rig::{Configuration, FINGERS, JOINTS, OfJoints, Plant, Result, Rig, posture};
+use super::rig::{
+    ACTUATORS, Configuration, FINGERS, JOINTS, OfJoints, Plant, Result, Rig, posture,
+};
 
 /// From where the joints are to where they go, rad: 11 to 34 degrees.
 const STROKE: [f64; JOINTS] = [0.2, 0.6, 0.5, 0.4];
@@ -23,10 +25,10 @@ pub(crate) struct Errors {
     pub(crate) settled_deg: f64,
     /// The range that a joint goes through at rest, degrees.
     pub(crate) restless_deg: f64,
-    /// The range that the command of a tendon goes through at rest, N.
+    /// The range that the command of an actuator goes through at rest, N.
     pub(crate) restless_n: f64,
-    /// The largest shortfall of a tendon at rest from the least tension of the configuration, N.
-    pub(crate) slack_n: f64,
+    /// How far the effort of an actuator at rest is below the least one of the configuration at most, N.
+    pub(crate) short_n: f64,
 }
 
 pub(crate) const GOALS: Errors = Errors {
@@ -34,14 +36,14 @@ pub(crate) const GOALS: Errors = Errors {
     settled_deg: 0.05,
     restless_deg: 0.01,
     restless_n: 0.2,
-    slack_n: 0.1,
+    short_n: 0.1,
 };
 
 impl Errors {
     pub(crate) fn keep(&self, goals: &Self) -> bool {
         self.peak_deg <= goals.peak_deg
             && self.settled_deg <= goals.settled_deg
-            && self.slack_n <= goals.slack_n
+            && self.short_n <= goals.short_n
             && self.is_at_rest(goals)
     }
 
@@ -60,18 +62,16 @@ pub(crate) fn strokes<P: Plant>(configuration: &Configuration, plant: P) -> Resu
         let sense = if finger < 2 { 1.0 } else { -1.0 };
         std::array::from_fn(|joint| here[finger][joint] + sense * STROKE[joint])
     });
-    let joints = configuration
-        .fingers
-        .iter()
-        .flat_map(|finger| &finger.joints);
-    let least_n = joints
-        .map(|joint| min(joint.flexor.min_n, joint.extensor.min_n))
+    let fingers = configuration.fingers.iter();
+    let actuators = fingers.flat_map(|finger| &finger.actuators);
+    let least_n = actuators
+        .map(|actuator| actuator.limits.low)
         .fold(f64::MAX, min);
     let mut errors = Errors {
-        slack_n: f64::MIN,
+        short_n: f64::MIN,
         ..Errors::default()
     };
-    // Tensions come up first.
+    // Efforts come up first.
     stroke(&mut rig, &here, &here, least_n, &mut Errors::default())?;
     stroke(&mut rig, &here, &there, least_n, &mut errors)?;
     stroke(&mut rig, &there, &here, least_n, &mut errors)?;
@@ -85,8 +85,9 @@ pub(crate) fn tuned(configuration: &Configuration, tuning: &Tuning) -> Configura
         for joint in &mut finger.joints {
             joint.servo.bandwidth_hz = tuning.bandwidth_hz;
             joint.servo.velocity_cutoff_hz = tuning.velocity_cutoff_hz;
-            joint.flexor.gains.kt = tuning.kt;
-            joint.extensor.gains.kt = tuning.kt;
+        }
+        for actuator in &mut finger.actuators {
+            actuator.gains.kp = tuning.kp;
         }
     }
     tuned
@@ -98,8 +99,8 @@ pub(crate) struct Tuning {
     pub(crate) bandwidth_hz: f64,
     /// Of the filter that makes rates of positions, Hz.
     pub(crate) velocity_cutoff_hz: f64,
-    /// The gain of the tension servos.
-    pub(crate) kt: f64,
+    /// The gain of the effort servos.
+    pub(crate) kp: f64,
 }
 
 fn stroke<P: Plant>(
@@ -109,8 +110,9 @@ fn stroke<P: Plant>(
     least_n: f64,
     errors: &mut Errors,
 ) -> Result<()> {
-    // Of each joint at rest: its position, and the commands of flexor and extensor.
-    let mut seen = [[[Range::default(); 3]; JOINTS]; FINGERS];
+    // The positions of joints, and the commands of actuators, at rest.
+    let mut positions = [[Range::default(); JOINTS]; FINGERS];
+    let mut commands = [[Range::default(); ACTUATORS]; FINGERS];
     let ticks_per_master = rig.substeps();
     let per_s = f64::from(ticks_per_master) / rig.master_period_s();
     for tick in 0..rig.ticks_in(REST_S + WATCH_S) {
@@ -132,21 +134,23 @@ fn stroke<P: Plant>(
                     errors.settled_deg = max(errors.settled_deg, error);
                 }
                 if now >= REST_S {
-                    let command = done.output.command[joint];
-                    let values = [position.to_degrees(), command.flexor, command.extensor];
-                    for (range, value) in seen[finger][joint].iter_mut().zip(values) {
-                        range.include(value);
-                    }
-                    let tension = sensed.tension[joint];
-                    let least = min(tension.flexor, tension.extensor);
-                    errors.slack_n = max(errors.slack_n, least_n - least);
+                    positions[finger][joint].include(position.to_degrees());
                 }
+            }
+            if now >= REST_S {
+                for (range, &command) in commands[finger].iter_mut().zip(&done.output.command) {
+                    range.include(command);
+                }
+                let least = sensed.effort.iter().copied().fold(f64::MAX, min);
+                errors.short_n = max(errors.short_n, least_n - least);
             }
         }
     }
-    for [position, flexor, extensor] in seen.as_flattened() {
-        errors.restless_deg = max(errors.restless_deg, position.width());
-        errors.restless_n = max(errors.restless_n, max(flexor.width(), extensor.width()));
+    for range in positions.as_flattened() {
+        errors.restless_deg = max(errors.restless_deg, range.width());
+    }
+    for range in commands.as_flattened() {
+        errors.restless_n = max(errors.restless_n, range.width());
     }
     Ok(())
 }

@@ -11,7 +11,9 @@ pub(super) use stop::LOWER_CUTOFF;
 
 use super::{Hand, Mistake};
 
-impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
+impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
+    Hand<FINGERS, JOINTS, ACTUATORS>
+{
     /// Checks that a controller can be made from this hand.
     ///
     /// Call it for a hand that was made or changed in code. `from_toml` (feature `text`) and

@@ -1,17 +1,16 @@
-use heapless::Vec;
+use heapless::{LinearMap, Vec};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{InputChannel, Limits, Name, OutputChannel, Rotation};
 use crate::Pose;
-use crate::tendon::TensionGains;
+use crate::servo::EffortGains;
 use crate::transmission::EffortLimits;
 
-/// The configuration of one finger: a serial mechanism in which a pair of tendons, a flexor and an
-/// extensor, pulls each joint.
+/// The configuration of one finger: a serial mechanism of joints, and the actuators that move them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Finger<const JOINTS: usize> {
+pub struct Finger<const JOINTS: usize, const ACTUATORS: usize> {
     /// The name of the finger.
     pub name: Name,
     /// The base of the finger in the palm.
@@ -21,7 +20,9 @@ pub struct Finger<const JOINTS: usize> {
     /// The tactile sensor of its fingertip; `None` if there is none.
     pub touch: Option<Touch>,
     /// The joints, proximal first.
-    pub joints: Vec<Joint<JOINTS>, JOINTS>,
+    pub joints: Vec<Joint, JOINTS>,
+    /// The actuators, in any order.
+    pub actuators: Vec<Actuator<JOINTS>, ACTUATORS>,
 }
 
 /// The position and the axes of a frame relative to a parent frame, as the configuration file has
@@ -64,10 +65,10 @@ pub struct Touch {
     pub contact_n: f64,
 }
 
-/// The configuration of one joint: its link, its servo, its position sensor and its two tendons.
+/// The configuration of one joint: its link, its servo and its position sensor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Joint<const JOINTS: usize> {
+pub struct Joint {
     /// The name of the joint.
     pub name: Name,
     /// The number of the processor that serves the joint.
@@ -89,13 +90,6 @@ pub struct Joint<const JOINTS: usize> {
     pub friction: JointFriction,
     /// The sensor of its position.
     pub adc: InputChannel,
-    /// The tendon that pulls it to positive angles.
-    pub flexor: Tendon,
-    /// The tendon that pulls it to negative angles.
-    pub extensor: Tendon,
-    /// The joints, proximal to it, that its tendons cross with an arm.
-    #[serde(default)]
-    pub crosses: Vec<Crossing, JOINTS>,
 }
 
 /// The place of a joint on the link before it, and the way in which the joint moves. Only fingers
@@ -180,7 +174,7 @@ pub struct JointServo {
     /// The damping ratio of the law `decoupled`.
     #[serde(default)]
     pub zeta: f64,
-    /// The gain of the torque error, N m/N m. The torque is computed from the tension sensors.
+    /// The gain of the torque error, N m/N m. The torque is computed from the measured efforts.
     #[serde(default)]
     pub k_tau: f64,
     /// The cutoff of the filter of the measured position, Hz; `None` means no filter.
@@ -241,48 +235,56 @@ pub struct JointFriction {
     pub tendon: f64,
 }
 
-/// The configuration of one tendon: its tension sensor, its actuator, its moment arm and its
-/// limits.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The configuration of one actuator: the joints that it moves, its limits, its converters and its servo.
+///
+/// Its effort is a force, N, or a torque, N m: a tension for one that pulls a tendon.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Tendon {
-    /// The sensor of its tension.
-    pub adc: InputChannel,
-    /// The output of its actuator.
+pub struct Actuator<const JOINTS: usize> {
+    /// The name of the actuator, such as that of its tendon.
+    pub name: Name,
+    /// Its arms at the joints that it moves: the torque of the joint, N m, or N for a sliding joint, for a unit of its
+    /// effort. A tendon has a moment arm, m, positive where it pulls to positive angles; a motor has its gear ratio.
+    pub arms: LinearMap<Name, f64, JOINTS>,
+    /// The limits of its effort.
+    pub limits: EffortRange,
+    /// The efforts that are faults.
+    #[serde(default)]
+    pub faults: EffortFaults,
+    /// Its small-signal pole, Hz.
+    pub pole_hz: f64,
+    /// The sensor of its effort; `None` if its effort is not measured.
+    pub adc: Option<InputChannel>,
+    /// The output of its command.
     pub dac: OutputChannel,
-    /// The arm at its own joint, m: positive for a flexor, negative for an extensor.
-    pub arm_m: f64,
-    /// The least tension, which it always has, N.
-    pub min_n: f64,
-    /// The largest tension of its actuator, N.
-    pub max_n: f64,
-    /// The preferred tension, N; `None` means the least one. Of all tensions that give the torques the nearest to the
-    /// preferred ones are used.
-    pub bias_n: Option<f64>,
-    /// The tension below which it is slack, N.
-    pub slack_n: f64,
-    /// The tension above which it may break, N.
-    pub break_n: f64,
-    /// The small-signal pole of its actuator, Hz.
-    pub actuator_hz: f64,
-    /// The cutoff of the filter of the measured tension, Hz; `None` means no filter.
+    /// The cutoff of the filter of the measured effort, Hz; `None` means no filter.
     pub cutoff_hz: Option<f64>,
     /// The gains of its servo.
     #[serde(default)]
-    pub gains: TensionGains,
+    pub gains: EffortGains,
 }
 
-/// The moment arms that the two tendons of a joint have at another, more proximal joint, which they
-/// cross on their way.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The limits of the effort of an actuator, N or N m.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Crossing {
-    /// The joint that they cross, of the same finger.
-    pub joint: Name,
-    /// The arm of the flexor there, m: positive where it pulls to positive angles.
-    pub flexor_m: f64,
-    /// The arm of the extensor there, m.
-    pub extensor_m: f64,
+pub struct EffortRange {
+    /// The least effort. A tendon always has a tension of 0 or more.
+    pub low: f64,
+    /// The greatest effort.
+    pub high: f64,
+    /// The preferred effort; `None` means the one nearest to zero. Of all efforts that give the torques the nearest to
+    /// the preferred ones are used.
+    pub bias: Option<f64>,
+}
+
+/// The efforts of an actuator that are faults, N or N m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EffortFaults {
+    /// A lesser effort is a fault: a tendon is slack or broken. `None` means none is.
+    pub below: Option<f64>,
+    /// A greater effort is a fault: a tendon may break. `None` means none is.
+    pub above: Option<f64>,
 }
 
 impl Placement {
@@ -297,14 +299,25 @@ impl Placement {
     }
 }
 
-impl Tendon {
-    /// Returns the limits of its tension, N.
+impl<const JOINTS: usize> Actuator<JOINTS> {
+    /// Returns the limits of its effort, N or N m.
     #[must_use]
     pub fn limits(&self) -> EffortLimits {
+        let EffortRange { low, high, bias } = self.limits;
+        let limits = EffortLimits {
+            low,
+            high,
+            bias: 0.0,
+        };
         EffortLimits {
-            low: self.min_n,
-            high: self.max_n,
-            bias: self.bias_n.unwrap_or(self.min_n),
+            bias: bias.unwrap_or(limits.at_rest()),
+            ..limits
         }
+    }
+
+    /// Returns its arm at a joint: m, or a gear ratio; 0 where it has none.
+    #[must_use]
+    pub fn arm(&self, joint: &Name) -> f64 {
+        self.arms.get(joint).copied().unwrap_or(0.0)
     }
 }

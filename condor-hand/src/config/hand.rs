@@ -9,8 +9,8 @@ pub const PROCESSORS: usize = 16;
 /// The whole configuration of a hand: its fingers, the processors that serve them, and every number
 /// that a controller needs.
 ///
-/// `FINGERS` is the greatest number of fingers, and `JOINTS` the greatest number of joints of a
-/// finger. A hand may have fewer.
+/// `FINGERS` is the greatest number of fingers, `JOINTS` the greatest number of joints of a finger, and
+/// `ACTUATORS` of its actuators. A hand may have fewer.
 ///
 /// Call [`check`](Self::check) after you have made or changed a hand in code. Hands that were read
 /// from text or from an image are checked already.
@@ -19,7 +19,7 @@ pub const PROCESSORS: usize = 16;
 /// use condor_hand::config::Hand;
 ///
 /// let text = std::fs::read_to_string("hands/utah-mit.toml")?;
-/// let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// let hand = Hand::<4, 4, 8>::from_toml(&text, "utah-mit.toml")?;
 /// for finger in &hand.fingers {
 ///     println!("{}: {} joints", finger.name, finger.joints.len());
 /// }
@@ -27,15 +27,15 @@ pub const PROCESSORS: usize = 16;
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
+pub struct Hand<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> {
     /// The name of the hand.
     pub name: Name,
     /// The rate of servo and table processors that have none of their own, Hz.
     pub servo_hz: u32,
     /// The rate of the trajectories, and of masters that have none of their own, Hz.
     pub trajectory_hz: u32,
-    /// The time over which a step of tensions is spread when a mode or gains change, and over which the
-    /// mean tensions of a joint are taken that a change of mode keeps, s.
+    /// The time over which a step of efforts is spread when a mode or gains change, and over which the
+    /// mean efforts of a joint are taken that a change of mode keeps, s.
     #[serde(default = "transition_s")]
     pub transition_s: f64,
     /// Gravity in the axes of the palm, m/s².
@@ -49,7 +49,7 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     /// The table that moves the palm; `None` if there is none.
     pub table: Option<TableSettings>,
     /// The fingers, in the order of their indices, from 0.
-    pub fingers: Vec<Finger<JOINTS>, FINGERS>,
+    pub fingers: Vec<Finger<JOINTS, ACTUATORS>, FINGERS>,
 }
 
 /// A tenth of a second.
@@ -155,18 +155,18 @@ pub struct ContactSurface {
     pub safety: f64,
 }
 
-/// The conditions that count as faults of a finger, and the time in which its tensions go down
+/// The conditions that count as faults of a finger, and the time in which its efforts go to rest
 /// after a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultPolicy {
-    /// The time in which the tensions go down to the least ones after a fault, s.
+    /// The time in which the efforts go to rest after a fault, s.
     pub safe_s: f64,
     /// The age from which a set-point is stale, s.
     pub stale_s: f64,
-    /// The number of samples in a row after which a tendon counts as slack or broken.
-    pub tension_samples: u16,
-    /// The number of samples in a row after which a tension's sensor counts as stuck, any sensor as
+    /// The number of samples in a row with an effort that is a fault.
+    pub effort_samples: u16,
+    /// The number of samples in a row after which an effort's sensor counts as stuck, any sensor as
     /// out of its range, and a joint as past its limit.
     pub sensor_samples: u16,
     /// The number of invalid or implausible samples in a row after which a sensor counts as lost.

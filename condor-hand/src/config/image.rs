@@ -6,14 +6,16 @@ use crate::image::{Format, ImageError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDH",
-    version: 5,
+    version: 6,
 };
 
-impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
+impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
+    Hand<FINGERS, JOINTS, ACTUATORS>
+{
     /// Writes the image of the hand, which [`from_image`](Self::from_image) reads, to the front of `buffer`. Returns
     /// the length of the image in bytes.
     ///
-    /// The image does not depend on `FINGERS` and `JOINTS`: a program with other capacities can read it if they are
+    /// The image does not depend on `FINGERS`, `JOINTS` and `ACTUATORS`: a program with other capacities can read it if they are
     /// large enough.
     ///
     /// # Errors
@@ -21,8 +23,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// short; its content is then useless.
     pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, ImageError<Mistake>> {
         self.check()?;
-        let [[f0, f1], [j0, j1], [p0, p1]] = self.counts().map(u16::to_le_bytes);
-        FORMAT.write([f0, f1, j0, j1, p0, p1], self, buffer)
+        FORMAT.write(self.counts(), self, buffer)
     }
 
     /// Reads a hand from an image that [`to_image`](Self::to_image) wrote, and checks the hand again. `image` must be
@@ -34,14 +35,22 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// for, [`ImageError::Malformed`] or [`ImageError::Content`] if it is not a valid hand. No bytes make this
     /// panic.
     pub fn from_image(image: &[u8]) -> Result<Self, ImageError<Mistake>> {
-        let ([f0, f1, j0, j1, p0, p1], body) = FORMAT.open::<Mistake>(image)?;
-        let counts = [[f0, f1], [j0, j1], [p0, p1]].map(u16::from_le_bytes);
+        let (counts, body) = FORMAT.open::<Mistake>(image)?;
+        let [fingers, processors, j0, j1, a0, a1] = counts;
+        let (joints, actuators) = ([j0, j1], [a0, a1]);
+        let needed = [
+            u16::from(fingers),
+            u16::from_le_bytes(joints),
+            u16::from_le_bytes(actuators),
+            u16::from(processors),
+        ];
         let capacities = [
             ("fingers", FINGERS),
             ("joints in a finger", JOINTS),
+            ("actuators in a finger", ACTUATORS),
             ("processors", PROCESSORS),
         ];
-        for (needed, (of, capacity)) in counts.into_iter().zip(capacities) {
+        for (needed, (of, capacity)) in needed.into_iter().zip(capacities) {
             if usize::from(needed) > capacity {
                 return Err(ImageError::Count {
                     of,
@@ -58,14 +67,16 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         Ok(hand)
     }
 
-    /// The least capacities for this hand: fingers, joints of one finger, processors.
-    fn counts(&self) -> [u16; 3] {
-        let joints = self.fingers.iter().map(|finger| finger.joints.len()).max();
-        [
-            self.fingers.len(),
-            joints.unwrap_or(0),
-            self.processors.len(),
-        ]
-        .map(|count| u16::try_from(count).unwrap_or(u16::MAX))
+    /// The least capacities for this hand, as the header has them: fingers, processors, and the joints and the actuators
+    /// of one finger, which have two bytes.
+    fn counts(&self) -> [u8; 6] {
+        let byte = |count: usize| u8::try_from(count).unwrap_or(u8::MAX);
+        let most = |count: Option<usize>| u16::try_from(count.unwrap_or(0)).unwrap_or(u16::MAX);
+        let joints = self.fingers.iter().map(|finger| finger.joints.len());
+        let actuators = (self.fingers.iter()).map(|finger| finger.actuators.len());
+        let [j0, j1] = most(joints.max()).to_le_bytes();
+        let [a0, a1] = most(actuators.max()).to_le_bytes();
+        let (fingers, processors) = (byte(self.fingers.len()), byte(self.processors.len()));
+        [fingers, processors, j0, j1, a0, a1]
     }
 }

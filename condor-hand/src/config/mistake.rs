@@ -2,7 +2,7 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::{Channel, Converter, Name, ProcessorKind};
+use super::{Channel, Converter, ProcessorKind};
 use crate::Requirement;
 use crate::decimal::Decimal;
 
@@ -33,8 +33,6 @@ pub struct Mistake {
 pub enum MistakeValue {
     /// A number, in the unit of its place.
     Number(f64),
-    /// The name of a joint.
-    Name(Name),
     /// The channel at the end of a wire.
     Channel(Channel),
     /// A description of the value in words, such as "empty".
@@ -58,7 +56,6 @@ impl fmt::Display for MistakeValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Number(value) => Decimal(*value).fmt(f),
-            Self::Name(name) => write!(f, "`{name}`"),
             Self::Channel(channel) => channel.fmt(f),
             Self::Words(words) => f.write_str(words),
         }

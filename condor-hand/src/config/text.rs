@@ -7,7 +7,9 @@ use toml::de::DeValue;
 
 use super::Hand;
 
-impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
+impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
+    Hand<FINGERS, JOINTS, ACTUATORS>
+{
     /// Reads a hand from the TOML text of a configuration file, and checks the hand.
     ///
     /// `file` is the name to show in error messages; no file is opened.
@@ -33,11 +35,11 @@ pub fn line_of(text: &str, path: &str) -> Option<usize> {
     is_whole.then(|| text.line(value.span().start))
 }
 
-fn read<const FINGERS: usize, const JOINTS: usize>(
+fn read<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>(
     mut tree: Spanned<DeValue<'_>>,
-) -> Result<Hand<FINGERS, JOINTS>, Misreading> {
+) -> Result<Hand<FINGERS, JOINTS, ACTUATORS>, Misreading> {
     defaults::fill(&mut tree)?;
-    let hand: Hand<FINGERS, JOINTS> = condor_toml::read(&tree)?;
+    let hand: Hand<FINGERS, JOINTS, ACTUATORS> = condor_toml::read(&tree)?;
     match hand.check() {
         Ok(()) => Ok(hand),
         Err(mistake) => {

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::check::{LOWER_CUTOFF, cutoff_rules, range};
-use super::{Axis, AxisServoSettings, FaultPolicy, Joint, Limits, Tendon};
+use super::{Actuator, Axis, AxisServoSettings, FaultPolicy, Finger, Joint, Limits};
 use crate::math::{abs, max, min};
 
 /// While the robot runs, a threshold of a fault can be this many times the described one at most. A weaker one is a
@@ -28,8 +28,7 @@ pub type NumberName = (&'static str, &'static str, &'static str);
 /// The least and the greatest value that a number can have while the robot runs, in its unit.
 pub type NumberRange = [f64; 2];
 
-/// A number of a [`Joint`] that can change while the joint runs: limits, soft stops, filters, and thresholds of
-/// faults of tendons.
+/// A number of a [`Joint`] that can change while the joint runs: limits, soft stops and filters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum JointNumber {
     /// The lowest position.
@@ -44,18 +43,6 @@ pub enum JointNumber {
     PositionCutoff,
     /// The cutoff of the filter that computes the velocity.
     VelocityCutoff,
-    /// The tension below which the flexor is slack.
-    FlexorSlack,
-    /// The tension above which the flexor may break.
-    FlexorBreak,
-    /// The cutoff of the filter of the flexor's tension.
-    FlexorCutoff,
-    /// The tension below which the extensor is slack.
-    ExtensorSlack,
-    /// The tension above which the extensor may break.
-    ExtensorBreak,
-    /// The cutoff of the filter of the extensor's tension.
-    ExtensorCutoff,
 }
 
 /// The numbers of a joint, in the order of [`JointNumber::ALL`]; 0 for a filter that there is not.
@@ -63,19 +50,13 @@ pub(crate) type JointNumbers = [f64; JointNumber::ALL.len()];
 
 impl JointNumber {
     /// All numbers, in the order of their values as `usize`.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 6] = [
         Self::Low,
         Self::High,
         Self::Zone,
         Self::StopBandwidth,
         Self::PositionCutoff,
         Self::VelocityCutoff,
-        Self::FlexorSlack,
-        Self::FlexorBreak,
-        Self::FlexorCutoff,
-        Self::ExtensorSlack,
-        Self::ExtensorBreak,
-        Self::ExtensorCutoff,
     ];
 
     /// Returns its key in the table of the joint, its unit, and a text for people. Units are those of a rotating
@@ -89,18 +70,12 @@ impl JointNumber {
             Self::StopBandwidth => &("stop.bandwidth_hz", "Hz", "Stiffness of the soft stops."),
             Self::PositionCutoff => &("servo.position_cutoff_hz", "Hz", "Filter of the position."),
             Self::VelocityCutoff => &("servo.velocity_cutoff_hz", "Hz", "Filter of the velocity."),
-            Self::FlexorSlack => &("flexor.slack_n", "N", "Below it is a fault."),
-            Self::FlexorBreak => &("flexor.break_n", "N", "Above it is a fault."),
-            Self::FlexorCutoff => &("flexor.cutoff_hz", "Hz", "Filter of the tension."),
-            Self::ExtensorSlack => &("extensor.slack_n", "N", "Below it is a fault."),
-            Self::ExtensorBreak => &("extensor.break_n", "N", "Above it is a fault."),
-            Self::ExtensorCutoff => &("extensor.cutoff_hz", "Hz", "Filter of the tension."),
         }
     }
 
     /// Returns its value in the description; `None` for a filter that the joint does not have.
     #[must_use]
-    pub const fn of<const J: usize>(self, joint: &Joint<J>) -> Option<f64> {
+    pub const fn of(self, joint: &Joint) -> Option<f64> {
         match self {
             Self::Low => Some(joint.limits.low),
             Self::High => Some(joint.limits.high),
@@ -108,34 +83,74 @@ impl JointNumber {
             Self::StopBandwidth => Some(joint.stop.bandwidth_hz),
             Self::PositionCutoff => joint.servo.position_cutoff_hz,
             Self::VelocityCutoff => Some(joint.servo.velocity_cutoff_hz),
-            Self::FlexorSlack => Some(joint.flexor.slack_n),
-            Self::FlexorBreak => Some(joint.flexor.break_n),
-            Self::FlexorCutoff => joint.flexor.cutoff_hz,
-            Self::ExtensorSlack => Some(joint.extensor.slack_n),
-            Self::ExtensorBreak => Some(joint.extensor.break_n),
-            Self::ExtensorCutoff => joint.extensor.cutoff_hz,
         }
     }
 }
 
-impl<const J: usize> Joint<J> {
-    /// Returns the ranges of the numbers that can change while the joint runs, in the order of
-    /// [`JointNumber::ALL`]; `None` for a filter that the joint does not have. `rate_hz` is the rate of its servo.
+/// A number of an [`Actuator`] that can change while it runs: thresholds of its faults, and its filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ActuatorNumber {
+    /// The effort below which there is a fault.
+    Below,
+    /// The effort above which there is a fault.
+    Above,
+    /// The cutoff of the filter of the measured effort.
+    Cutoff,
+}
+
+/// The numbers of an actuator, in the order of [`ActuatorNumber::ALL`]; `None` for one that it does not have.
+pub(crate) type ActuatorNumbers = [Option<f64>; ActuatorNumber::ALL.len()];
+
+impl ActuatorNumber {
+    /// All numbers, in the order of their values as `usize`.
+    pub const ALL: [Self; 3] = [Self::Below, Self::Above, Self::Cutoff];
+
+    /// Returns its key in the table of the actuator, its unit, and a text for people. An effort is in N or N m.
+    #[must_use]
+    pub const fn name(self) -> &'static NumberName {
+        match self {
+            Self::Below => &("faults.below", "N", "Below it is a fault."),
+            Self::Above => &("faults.above", "N", "Above it is a fault."),
+            Self::Cutoff => &("cutoff_hz", "Hz", "Filter of the effort."),
+        }
+    }
+
+    /// Returns its value in the description; `None` for a threshold or a filter that the actuator does not have.
+    #[must_use]
+    pub const fn of<const J: usize>(self, actuator: &Actuator<J>) -> Option<f64> {
+        match self {
+            Self::Below => actuator.faults.below,
+            Self::Above => actuator.faults.above,
+            Self::Cutoff => actuator.cutoff_hz,
+        }
+    }
+}
+
+impl<const J: usize, const A: usize> Finger<J, A> {
+    /// Returns the ranges of the numbers of a joint that can change while it runs, in the order of
+    /// [`JointNumber::ALL`]; `None` for a filter, or a joint, that the finger does not have. `rate_hz` is the rate of
+    /// its servos.
     ///
     /// * Limits only come nearer, and leave room for the stops: the links, the sensors and the motions are made for
     ///   the described ones.
     /// * Stops only become softer, and filters are as slow as the described stops bear. See
     ///   [`SoftStopSettings`](super::SoftStopSettings).
     /// * A filter that the description leaves out stays out: its lag is a part of what the description's check looks at.
-    /// * Thresholds of tension differ from the least and the largest tension by a count of their sensor.
     #[must_use]
-    pub fn ranges(&self, rate_hz: u32) -> [Option<NumberRange>; JointNumber::ALL.len()] {
-        let rules = self.rules();
-        let half = 0.5 * (self.limits.high - self.limits.low);
-        let nearer = 0.5 * (half - self.stop.zone);
-        let slowest = self.slowest_filters(rate_hz);
+    pub fn ranges(
+        &self,
+        joint: usize,
+        rate_hz: u32,
+    ) -> [Option<NumberRange>; JointNumber::ALL.len()] {
+        let Some(of_joint) = self.joints.get(joint) else {
+            return [None; JointNumber::ALL.len()];
+        };
+        let rules = of_joint.rules();
+        let half = 0.5 * (of_joint.limits.high - of_joint.limits.low);
+        let nearer = 0.5 * (half - of_joint.stop.zone);
+        let slowest = self.slowest_filters(of_joint, rate_hz);
         JointNumber::ALL.map(|number| {
-            let value = number.of(self)?;
+            let value = number.of(of_joint)?;
             let (key, ..) = *number.name();
             let [least, greatest] = match number {
                 JointNumber::Low => [value, value + nearer],
@@ -149,20 +164,13 @@ impl<const J: usize> Joint<J> {
                 JointNumber::PositionCutoff | JointNumber::VelocityCutoff => {
                     cutoff_range(value, slowest, rate_hz)
                 }
-                JointNumber::FlexorCutoff | JointNumber::ExtensorCutoff => {
-                    cutoff_range(value, LOWER_CUTOFF, rate_hz)
-                }
-                JointNumber::FlexorSlack | JointNumber::FlexorBreak => self
-                    .flexor
-                    .range(key.strip_prefix("flexor.").unwrap_or(key)),
-                JointNumber::ExtensorSlack | JointNumber::ExtensorBreak => self
-                    .extensor
-                    .range(key.strip_prefix("extensor.").unwrap_or(key)),
             };
             Some([min(least, value), max(greatest, value)])
         })
     }
+}
 
+impl Joint {
     /// Its numbers as the description has them.
     pub(crate) fn numbers(&self) -> JointNumbers {
         JointNumber::ALL.map(|number| number.of(self).unwrap_or(0.0))
@@ -177,22 +185,32 @@ fn cutoff_range(value: f64, part: f64, rate_hz: u32) -> NumberRange {
     [max(least - margin, part * value), greatest]
 }
 
-impl Tendon {
-    /// The range of one of its thresholds, N.
-    fn range(&self, key: &str) -> NumberRange {
-        let count = abs(self.adc.gain);
-        let ends = [self.adc.value(0), self.adc.value(self.adc.full_scale())];
-        let [mut least, mut greatest] = range(&self.rules(), key, count);
-        least = max(least, min(ends[0], ends[1]));
-        greatest = min(greatest, max(ends[0], ends[1]));
-        for [(name, value), (above, limit)] in self.order() {
-            if name == key {
-                greatest = min(greatest, limit - count);
-            } else if above == key {
-                least = max(least, value + count);
-            }
-        }
-        [least, greatest]
+impl<const J: usize> Actuator<J> {
+    /// Returns the ranges of the numbers that can change while the actuator runs, in the order of
+    /// [`ActuatorNumber::ALL`]; `None` for a threshold or a filter that the actuator does not have. `rate_hz` is the
+    /// rate of its servo.
+    ///
+    /// Thresholds differ from the least and the greatest effort by a count of the sensor.
+    #[must_use]
+    pub fn ranges(&self, rate_hz: u32) -> [Option<NumberRange>; ActuatorNumber::ALL.len()] {
+        let (count, [first, last]) = match &self.adc {
+            Some(adc) => (abs(adc.gain), [adc.value(0), adc.value(adc.full_scale())]),
+            None => (0.0, [self.limits.low, self.limits.high]),
+        };
+        ActuatorNumber::ALL.map(|number| {
+            let value = number.of(self)?;
+            let [least, greatest] = match number {
+                ActuatorNumber::Below => [min(first, last), self.limits.low - count],
+                ActuatorNumber::Above => [self.limits.high + count, max(first, last)],
+                ActuatorNumber::Cutoff => cutoff_range(value, LOWER_CUTOFF, rate_hz),
+            };
+            Some([min(least, value), max(greatest, value)])
+        })
+    }
+
+    /// Its numbers as the description has them.
+    pub(crate) fn numbers(&self) -> ActuatorNumbers {
+        ActuatorNumber::ALL.map(|number| number.of(self))
     }
 }
 
@@ -209,8 +227,8 @@ pub enum FaultNumber {
     Tracking,
     /// [`FaultPolicy::overtravel_rad`].
     Overtravel,
-    /// [`FaultPolicy::tension_samples`].
-    TensionSamples,
+    /// [`FaultPolicy::effort_samples`].
+    EffortSamples,
     /// [`FaultPolicy::sensor_samples`].
     SensorSamples,
     /// [`FaultPolicy::lost_samples`].
@@ -232,7 +250,7 @@ impl FaultNumber {
     ];
     /// The counts, which are whole numbers.
     pub const COUNTS: [Self; 5] = [
-        Self::TensionSamples,
+        Self::EffortSamples,
         Self::SensorSamples,
         Self::LostSamples,
         Self::TrackingSamples,
@@ -246,7 +264,7 @@ impl FaultNumber {
             Self::Safe => &(
                 "safe_s",
                 "s",
-                "After a fault tensions go down in this time.",
+                "After a fault efforts go to rest in this time.",
             ),
             Self::Stale => &("stale_s", "s", "An older set-point is a fault."),
             Self::Frozen => &("frozen_rad", "rad", "Motion that a frozen sensor may miss."),
@@ -256,11 +274,7 @@ impl FaultNumber {
                 "A greater position error is a fault.",
             ),
             Self::Overtravel => &("overtravel_rad", "rad", "Farther past a limit is a fault."),
-            Self::TensionSamples => &(
-                "tension_samples",
-                "",
-                "Samples of a slack or broken tendon.",
-            ),
+            Self::EffortSamples => &("effort_samples", "", "Samples of a faulty effort."),
             Self::SensorSamples => &("sensor_samples", "", "Samples out of a range."),
             Self::LostSamples => &("lost_samples", "", "Invalid samples of a sensor."),
             Self::TrackingSamples => &("tracking_samples", "", "Samples of a position error."),
@@ -279,7 +293,7 @@ impl FaultPolicy {
             FaultNumber::Frozen => self.frozen_rad,
             FaultNumber::Tracking => self.tracking_rad,
             FaultNumber::Overtravel => self.overtravel_rad,
-            FaultNumber::TensionSamples => self.tension_samples.into(),
+            FaultNumber::EffortSamples => self.effort_samples.into(),
             FaultNumber::SensorSamples => self.sensor_samples.into(),
             FaultNumber::LostSamples => self.lost_samples.into(),
             FaultNumber::TrackingSamples => self.tracking_samples.into(),
@@ -318,7 +332,7 @@ impl FaultPolicy {
             FaultNumber::Frozen => policy.frozen_rad = value,
             FaultNumber::Tracking => policy.tracking_rad = value,
             FaultNumber::Overtravel => policy.overtravel_rad = value,
-            FaultNumber::TensionSamples => policy.tension_samples = samples,
+            FaultNumber::EffortSamples => policy.effort_samples = samples,
             FaultNumber::SensorSamples => policy.sensor_samples = samples,
             FaultNumber::LostSamples => policy.lost_samples = samples,
             FaultNumber::TrackingSamples => policy.tracking_samples = samples,

@@ -3,19 +3,20 @@
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::{
-    Channel, ControlProcessor, Finger, Form, Hand, InputChannel, Joint, JointMotion, LinkBody,
-    MotionLimits, OutputChannel, Placement, ProcessorKind, Shape, Tendon, Wire,
+    Actuator, Channel, ControlProcessor, Finger, Form, Hand, InputChannel, Joint, JointMotion,
+    LinkBody, MotionLimits, OutputChannel, Placement, ProcessorKind, Shape, Wire,
 };
 use crate::NumberError;
 use crate::Pose;
 use crate::kinematics::{self, Chain, PlanarFinger, Rod};
-use crate::math::clamp;
+use crate::math::{clamp, max, min};
 use crate::number::is_within;
-use crate::tendon::{MomentArms, Pair, TendonPairs};
 use crate::trajectory::{self, Primitive, Target};
-use crate::transmission::EffortLimits;
+use crate::transmission::{EffortLimits, Linear};
 
-impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
+impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
+    Hand<FINGERS, JOINTS, ACTUATORS>
+{
     /// Returns the processor with this number; `None` if the hand has no such processor.
     #[must_use]
     pub fn processor(&self, number: u8) -> Option<&ControlProcessor> {
@@ -37,7 +38,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Returns the rate of a finger's servos, Hz. It is the rate of the processor that serves the
     /// finger; without one it is the hand's `servo_hz`.
     #[must_use]
-    pub fn servo_rate_hz(&self, finger: &Finger<JOINTS>) -> u32 {
+    pub fn servo_rate_hz(&self, finger: &Finger<JOINTS, ACTUATORS>) -> u32 {
         finger
             .processor()
             .and_then(|number| self.processor(number))
@@ -46,7 +47,10 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 
     /// Iterates over the fingers that processor `number` serves. Each item is the index of the
     /// finger in [`Hand::fingers`], and the finger.
-    pub fn fingers_on(&self, number: u8) -> impl Iterator<Item = (usize, &Finger<JOINTS>)> {
+    pub fn fingers_on(
+        &self,
+        number: u8,
+    ) -> impl Iterator<Item = (usize, &Finger<JOINTS, ACTUATORS>)> {
         let fingers = self.fingers.iter().enumerate();
         fingers.filter(move |(_, finger)| finger.processor() == Some(number))
     }
@@ -75,18 +79,17 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             let touch = entry.touch.iter();
             let touch = touch.map(move |touch| (touch.adc.channel(), Wire::Touch { finger }));
             let joints = entry.joints.iter().enumerate();
-            let joints = joints.flat_map(move |(joint, entry)| {
-                let flexor = Wire::Flexor { finger, joint };
-                let extensor = Wire::Extensor { finger, joint };
-                [
-                    (entry.adc.channel(), Wire::Position { finger, joint }),
-                    (entry.flexor.adc.channel(), flexor),
-                    (entry.flexor.dac.channel(), flexor),
-                    (entry.extensor.adc.channel(), extensor),
-                    (entry.extensor.dac.channel(), extensor),
-                ]
+            let joints = joints.map(move |(joint, entry)| {
+                let wire = Wire::Position { finger, joint };
+                (entry.adc.channel(), wire)
             });
-            joints.chain(touch)
+            let actuators = entry.actuators.iter().enumerate();
+            let actuators = actuators.flat_map(move |(actuator, entry)| {
+                let wire = Wire::Actuator { finger, actuator };
+                let sensor = entry.adc.iter().map(move |adc| (adc.channel(), wire));
+                sensor.chain([(entry.dac.channel(), wire)])
+            });
+            joints.chain(actuators).chain(touch)
         });
         let axes = self
             .table
@@ -114,7 +117,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// hand does not have that sensor.
     #[must_use]
     pub fn input(&self, wire: Wire) -> Option<&InputChannel> {
-        self.converters(wire).map(|(input, _)| input)
+        self.converters(wire)?.0
     }
 
     /// Returns the D/A channel and the calibration of the actuator that `wire` names; `None` if `wire` names only a
@@ -124,15 +127,17 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         self.converters(wire)?.1
     }
 
-    fn converters(&self, wire: Wire) -> Option<(&InputChannel, Option<&OutputChannel>)> {
+    fn converters(&self, wire: Wire) -> Option<(Option<&InputChannel>, Option<&OutputChannel>)> {
         Some(match wire {
-            Wire::Position { finger, joint } => (&self.joint(finger, joint)?.adc, None),
-            Wire::Flexor { finger, joint } => self.joint(finger, joint)?.flexor.converters(),
-            Wire::Extensor { finger, joint } => self.joint(finger, joint)?.extensor.converters(),
-            Wire::Touch { finger } => (&self.fingers.get(finger)?.touch.as_ref()?.adc, None),
+            Wire::Position { finger, joint } => (Some(&self.joint(finger, joint)?.adc), None),
+            Wire::Actuator { finger, actuator } => {
+                let actuator = self.actuator(finger, actuator)?;
+                (actuator.adc.as_ref(), Some(&actuator.dac))
+            }
+            Wire::Touch { finger } => (Some(&self.fingers.get(finger)?.touch.as_ref()?.adc), None),
             Wire::Axis { axis } => {
                 let axis = self.table.as_ref()?.axes.get(axis)?;
-                (&axis.adc, Some(&axis.dac))
+                (Some(&axis.adc), Some(&axis.dac))
             }
         })
     }
@@ -168,12 +173,19 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Returns joint number `joint` of finger number `finger`, both counted from 0; `None` if the
     /// hand does not have that joint.
     #[must_use]
-    pub fn joint(&self, finger: usize, joint: usize) -> Option<&Joint<JOINTS>> {
+    pub fn joint(&self, finger: usize, joint: usize) -> Option<&Joint> {
         self.fingers.get(finger)?.joints.get(joint)
+    }
+
+    /// Returns actuator number `actuator` of finger number `finger`, both counted from 0; `None` if the hand does not
+    /// have that actuator.
+    #[must_use]
+    pub fn actuator(&self, finger: usize, actuator: usize) -> Option<&Actuator<JOINTS>> {
+        self.fingers.get(finger)?.actuators.get(actuator)
     }
 }
 
-impl<const JOINTS: usize> Finger<JOINTS> {
+impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
     /// Returns the number of the processor that serves the finger; `None` if the finger has no
     /// joints.
     #[must_use]
@@ -184,7 +196,7 @@ impl<const JOINTS: usize> Finger<JOINTS> {
     /// Returns a vector whose element *i* is the result of `number` for joint *i*; elements without
     /// a joint are zero.
     #[must_use]
-    pub fn each(&self, number: impl Fn(&Joint<JOINTS>) -> f64) -> SVector<f64, JOINTS> {
+    pub fn each(&self, number: impl Fn(&Joint) -> f64) -> SVector<f64, JOINTS> {
         SVector::from_fn(|row, _| self.joints.get(row).map_or(0.0, &number))
     }
 
@@ -199,53 +211,65 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         }
     }
 
-    /// Returns the arms and limits of the finger's tendons, as the servos need them.
-    ///
-    /// If the finger has fewer than `JOINTS` joints, each missing joint gets two tendons with arms
-    /// of 1 m that cross no other joint. So zero torque at such a joint needs zero tension.
+    /// Returns the arms of the finger's actuators and the limits of their efforts, as the servos need them. Joints and
+    /// actuators that the finger does not have do nothing.
     ///
     /// # Errors
     /// [`NumberError`] for arms that [`Hand::check`] would have refused.
-    pub fn moment_arms(&self) -> Result<MomentArms<JOINTS>, NumberError> {
-        let mut rows: [TendonPairs<f64, JOINTS>; JOINTS] = [[Pair::both(0.0); JOINTS]; JOINTS];
-        for (index, row) in rows.iter_mut().enumerate() {
-            let crossed = self.joints.get(index);
-            for (tendon, arms) in row.iter_mut().enumerate() {
-                *arms = match (self.joints.get(tendon), crossed) {
-                    (Some(joint), Some(_)) if tendon == index => Pair {
-                        flexor: joint.flexor.arm_m,
-                        extensor: joint.extensor.arm_m,
-                    },
-                    (Some(joint), Some(crossed)) => joint
-                        .crosses
-                        .iter()
-                        .find(|crossing| crossing.joint == crossed.name)
-                        .map_or(Pair::both(0.0), |crossing| Pair {
-                            flexor: crossing.flexor_m,
-                            extensor: crossing.extensor_m,
-                        }),
-                    _ if tendon == index => Pair {
-                        flexor: 1.0,
-                        extensor: -1.0,
-                    },
-                    _ => Pair::both(0.0),
-                };
+    pub fn transmission(&self) -> Result<Linear<JOINTS, ACTUATORS>, NumberError> {
+        let mut arms = [[0.0; JOINTS]; ACTUATORS];
+        let mut limits = [EffortLimits::fixed(0.0); ACTUATORS];
+        let places = arms.iter_mut().zip(&mut limits);
+        for ((arms, limits), actuator) in places.zip(&self.actuators) {
+            for (arm, joint) in arms.iter_mut().zip(&self.joints) {
+                *arm = actuator.arm(&joint.name);
             }
+            *limits = actuator.limits();
         }
-        // No torque asks for a missing tendon, but it has some range.
-        let missing = EffortLimits {
-            low: 0.0,
-            high: 1.0,
-            bias: 0.0,
-        };
-        let limits = core::array::from_fn(|joint| {
-            let joint = self.joints.get(joint);
-            joint.map_or(Pair::both(missing), |joint| Pair {
-                flexor: joint.flexor.limits(),
-                extensor: joint.extensor.limits(),
-            })
-        });
-        MomentArms::new(rows, limits)
+        Linear::new(arms, limits)
+    }
+
+    /// Returns the joint to which an actuator [belongs](Linear::joint_of); `None` if the finger does not have the
+    /// actuator.
+    #[must_use]
+    pub fn joint_of(&self, actuator: usize) -> Option<usize> {
+        let actuator = self.actuators.get(actuator)?;
+        let moves = |joint: &Joint| actuator.arm(&joint.name) != 0.0;
+        self.joints.iter().rposition(moves)
+    }
+
+    /// Returns the torque that each joint can have to either side by the actuators that [belong](Linear::joint_of) to it,
+    /// whatever the others do, N m, or N for a sliding joint. A joint without such actuators has what all give it.
+    #[must_use]
+    pub fn own_torques(&self) -> SVector<f64, JOINTS> {
+        let is_own = |place: usize, joint: usize| self.joint_of(place) == Some(joint);
+        SVector::from_fn(|row, _| {
+            let Some(joint) = self.joints.get(row) else {
+                return 0.0;
+            };
+            let has_own = (0..self.actuators.len()).any(|place| is_own(place, row));
+            let (mut low, mut high) = (0.0, 0.0);
+            for (place, actuator) in self.actuators.iter().enumerate() {
+                if has_own && !is_own(place, row) {
+                    continue;
+                }
+                let (arm, limits) = (actuator.arm(&joint.name), &actuator.limits);
+                let ends = (arm * limits.low, arm * limits.high);
+                low += min(ends.0, ends.1);
+                high += max(ends.0, ends.1);
+            }
+            max(min(-low, high), 0.0)
+        })
+    }
+
+    /// Returns the efforts of actuators from which nothing is asked, N or N m; 0 for those that the finger does not have.
+    #[must_use]
+    pub fn efforts_at_rest(&self) -> [f64; ACTUATORS] {
+        let mut efforts = [0.0; ACTUATORS];
+        for (effort, actuator) in efforts.iter_mut().zip(&self.actuators) {
+            *effort = actuator.limits().at_rest();
+        }
+        efforts
     }
 
     /// Returns the closed-form model of a finger of the form [`Form::Planar`]. Returns `None` for
@@ -318,7 +342,7 @@ impl<const JOINTS: usize> Finger<JOINTS> {
     }
 }
 
-impl<const JOINTS: usize> Joint<JOINTS> {
+impl Joint {
     /// Returns the range of positions at which the joint can rest, `(lowest, highest)` in rad: its
     /// limits without the zones of its soft stops.
     #[must_use]
@@ -354,12 +378,6 @@ impl<const JOINTS: usize> Joint<JOINTS> {
                 }
             },
         })
-    }
-}
-
-impl Tendon {
-    fn converters(&self) -> (&InputChannel, Option<&OutputChannel>) {
-        (&self.adc, Some(&self.dac))
     }
 }
 

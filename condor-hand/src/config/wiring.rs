@@ -15,10 +15,10 @@ pub struct InputChannel {
     pub channel: u8,
     /// The width of the converter, in bits.
     pub bits: u8,
-    /// The change of the value (rad, N or m) for each count; negative if the sensor is mounted the
+    /// The change of the value (rad, N, N m or m) for each count; negative if the sensor is mounted the
     /// other way round.
     pub gain: f64,
-    /// The value at zero counts, rad, N or m.
+    /// The value at zero counts, rad, N, N m or m.
     pub offset: f64,
 }
 
@@ -33,7 +33,7 @@ pub struct OutputChannel {
     pub channel: u8,
     /// The width of the converter, in bits.
     pub bits: u8,
-    /// The change of the counts for each newton; negative if the drive is connected the other way
+    /// The change of the counts for each newton or newton metre; negative if the drive is connected the other way
     /// round.
     pub gain: f64,
     /// The counts for a value of zero.
@@ -81,20 +81,13 @@ pub enum Wire {
         /// The index of the joint in its finger.
         joint: usize,
     },
-    /// The tendon that pulls a joint to positive angles: its tension sensor if the channel is an
-    /// [`Adc`](Converter::Adc), its actuator if it is a [`Dac`](Converter::Dac).
-    Flexor {
+    /// An actuator: the sensor of its effort if the channel is an [`Adc`](Converter::Adc), its command if it is a
+    /// [`Dac`](Converter::Dac).
+    Actuator {
         /// The index of the finger in the hand.
         finger: usize,
-        /// The index of the joint in its finger.
-        joint: usize,
-    },
-    /// The antagonist of the flexor.
-    Extensor {
-        /// The index of the finger in the hand.
-        finger: usize,
-        /// The index of the joint in its finger.
-        joint: usize,
+        /// The index of the actuator in its finger.
+        actuator: usize,
     },
     /// The tactile sensor of a fingertip.
     Touch {
@@ -119,14 +112,14 @@ impl InputChannel {
         }
     }
 
-    /// Returns the measured value (rad, N or m) that a reading of `counts` means.
+    /// Returns the measured value (rad, N, N m or m) that a reading of `counts` means.
     #[inline]
     #[must_use]
     pub fn value(&self, counts: u32) -> f64 {
         self.gain * f64::from(counts) + self.offset
     }
 
-    /// Returns the reading that the converter shows for a true `value` (rad, N or m): the nearest
+    /// Returns the reading that the converter shows for a true `value` (rad, N, N m or m): the nearest
     /// number of counts in its range, and 0 for a NaN.
     #[must_use]
     pub fn counts(&self, value: f64) -> u32 {
@@ -156,8 +149,8 @@ impl OutputChannel {
         }
     }
 
-    /// Returns the counts to write for a command of `value` (N), limited to the range of the
-    /// converter. A NaN counts as a command of 0 N, and not as 0 counts, which can mean the full
+    /// Returns the counts to write for a command of `value` (N, or N m), limited to the range of the
+    /// converter. A NaN counts as a command of 0, and not as 0 counts, which can mean the full
     /// force of a drive.
     #[inline]
     #[must_use]
@@ -166,7 +159,7 @@ impl OutputChannel {
         whole(self.gain * value + self.offset, self.full_scale())
     }
 
-    /// Returns the command (N) that `counts` mean. A simulated drive uses it to read back what a
+    /// Returns the command (N, or N m) that `counts` mean. A simulated drive uses it to read back what a
     /// controller wrote.
     #[must_use]
     pub fn value(&self, counts: u32) -> f64 {

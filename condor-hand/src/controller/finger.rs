@@ -3,27 +3,30 @@ use nalgebra::{SVector, Vector3};
 use super::settings::{judge, stop_and_filters};
 use super::watch::{GuardStop, Watch};
 use crate::Subject;
-use crate::config::{FaultNumber, FaultPolicy, Finger, Hand, JointNumber, JointNumbers, Limits};
+use crate::config::{
+    ActuatorNumber, ActuatorNumbers, FaultNumber, FaultPolicy, Finger, Hand, JointNumber,
+    JointNumbers, Limits,
+};
 use crate::control::elapsed::Elapsed;
 use crate::dynamics::Dynamics;
+use crate::fault::{FingerFault, FingerMonitor, Observation, SafeRamp};
 use crate::math::{clamp, max, round};
 use crate::number::{NumberError, Requirement, check, finite};
 use crate::servo::{
-    FingerReadings, FingerServo, JointGains, JointTarget, ServoMode, ServoOutput, ServoRefusal,
+    EffortGains, FingerReadings, FingerServo, JointGains, JointTarget, ServoMode, ServoOutput,
+    ServoRefusal,
 };
-use crate::tendon::fault::{FingerFault, FingerMonitor, Observation, SafeRamp};
-use crate::tendon::{MomentArms, Pair, TendonPairs};
 use crate::trajectory::{Bounds, Interpolator, SetPoint, StopGuard};
+use crate::transmission::{Linear, Transmission};
 
-/// Within so many ticks after a fault joints have the tensions with which they stand still.
+/// Within so many ticks after a fault joints have the efforts with which they stand still.
 const SETTLING_TICKS: u32 = 4;
 
-/// The controller of one finger of a configuration: it runs the servos of the joints and tendons,
+/// The controller of one finger of a configuration: it runs the servos of the joints and actuators,
 /// follows the set-points of a master (the program that computes trajectories), and detects faults.
 ///
 /// Call [`tick`](Self::tick) in every tick of the servo loop. After a fault the controller switches
-/// all joints off, reduces all tensions to the least ones that the configuration permits, and keeps
-/// them there until [`clear`](Self::clear).
+/// all joints off, brings all efforts to rest, and keeps them there until [`clear`](Self::clear).
 ///
 /// ```
 /// # use condor_hand::config::Hand;
@@ -31,13 +34,13 @@ const SETTLING_TICKS: u32 = 4;
 /// use condor_hand::servo::{FingerReadings, ServoMode};
 ///
 /// # let text = std::fs::read_to_string("hands/utah-mit.toml")?;
-/// # let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// # let hand = Hand::<4, 4, 8>::from_toml(&text, "utah-mit.toml")?;
 /// let index = &hand.fingers[0];
-/// let mut controller = FingerController::new(&hand, index, index.chain())?;
+/// let mut controller = FingerController::new(&hand, index, index.chain(), index.transmission()?)?;
 /// controller.set_mode(0, ServoMode::Position)?;
 /// let sensed = FingerReadings {
 ///     position: [0.0, 0.3, 0.4, 0.4].into(), // rad
-///     tension: index.least_tensions(),
+///     effort: index.efforts_at_rest(), // N
 ///     touch: 0.0,
 /// };
 /// let tick = controller.tick(&sensed, &hand.gravity.into(), 1.0 / 400.0);
@@ -46,11 +49,12 @@ const SETTLING_TICKS: u32 = 4;
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct FingerController<M, const N: usize> {
-    servo: FingerServo<M, N>,
+pub struct FingerController<M, T, const N: usize, const A: usize> {
+    servo: FingerServo<M, T, N, A>,
     interpolator: Interpolator<N>,
-    /// The number of joints; the places after them are empty.
+    /// The number of joints, and of actuators; the places after them are empty.
     joints: usize,
+    actuators: usize,
     /// Joints that follow the master's set-points, or would if a guard had not stopped them, a bit each.
     following: u32,
     watch: Watch<N>,
@@ -58,30 +62,30 @@ pub struct FingerController<M, const N: usize> {
     age_s: f64,
     /// The fraction of a period that has passed since the set-points were moved on.
     over: f64,
-    monitor: FingerMonitor<N>,
-    ramp: Option<SafeRamp<N>>,
-    /// The differences of the tensions at the fault from those with which the ramp begins, N; and the number of
+    monitor: FingerMonitor<N, A>,
+    ramp: Option<SafeRamp<A>>,
+    /// The differences of the efforts at the fault from those with which the ramp begins, N or N m; and the number of
     /// ticks until they have vanished.
-    beside: (TendonPairs<f64, N>, u32),
-    least: TendonPairs<f64, N>,
+    beside: ([f64; A], u32),
+    at_rest: [f64; A],
     low: [f64; N],
     high: [f64; N],
     faults: FaultPolicy,
-    /// The numbers of the joints that can change, beside their gains.
-    numbers: [JointNumbers; N],
+    /// The numbers of the joints and the actuators that can change, beside their gains.
+    numbers: [Option<JointNumbers>; N],
+    actuator_numbers: [Option<ActuatorNumbers>; A],
     sample_hz: f64,
     /// Of the last tick.
-    desired: TendonPairs<f64, N>,
-    command: TendonPairs<f64, N>,
+    desired: [f64; A],
+    command: [f64; A],
 }
 
 /// The result of one tick of a [`FingerController`]: the commands for the actuators, and the fault
 /// if there is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerTick<const N: usize> {
-    /// The commands of the actuators, with their reasons; after a fault, on the way to the least
-    /// tensions.
-    pub output: ServoOutput<N>,
+pub struct FingerTick<const N: usize, const A: usize> {
+    /// The commands of the actuators, with their reasons; after a fault, on the way to rest.
+    pub output: ServoOutput<N, A>,
     /// The desired positions of the joints, rad; `None` for joints whose position is not
     /// controlled.
     pub target: [Option<f64>; N],
@@ -89,17 +93,23 @@ pub struct FingerTick<const N: usize> {
     pub fault: Option<FingerFault>,
 }
 
-impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
+impl<M, T, const N: usize, const A: usize> FingerController<M, T, N, A>
+where
+    M: Dynamics<N>,
+    T: Transmission<N, A>,
+{
     /// Makes the controller of `finger`, one of the fingers of `hand`, with all joints off.
     /// `mechanism` is the model of the finger that the servos use: [`Finger::chain`], or
-    /// [`Finger::planar`] if the finger has that form.
+    /// [`Finger::planar`] if the finger has that form. `transmission` has its actuators:
+    /// [`Finger::transmission`], or one whose arms change with the posture.
     ///
     /// # Errors
     /// [`NumberError`] for settings that [`Hand::check`] would have refused.
     pub fn new<const F: usize>(
-        hand: &Hand<F, N>,
-        finger: &Finger<N>,
+        hand: &Hand<F, N, A>,
+        finger: &Finger<N, A>,
         mechanism: M,
+        transmission: T,
     ) -> Result<Self, NumberError> {
         let (servo_hz, trajectory_hz) = (hand.servo_rate_hz(finger), hand.trajectory_hz);
         let (sample_hz, master_hz) = (f64::from(servo_hz), f64::from(trajectory_hz));
@@ -122,29 +132,31 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
             Interpolator::new(substeps as u16, 1.0 / master_hz, [0.0; N], bounds)?;
         // The first tick of the master comes after a time without any.
         interpolator.step();
-        let least = finger.least_tensions();
+        let at_rest = transmission.linear().at_rest();
         let safe_s = hand.faults.safe_s;
         // So that it cannot fail when it is needed.
-        SafeRamp::new(least, least, safe_s, sample_hz)?;
+        SafeRamp::new(at_rest, at_rest, safe_s, sample_hz)?;
         Ok(Self {
-            servo: FingerServo::new(mechanism, finger.moment_arms()?, &settings)?,
+            servo: FingerServo::new(mechanism, transmission, &settings)?,
             interpolator,
             joints: finger.joints.len(),
+            actuators: finger.actuators.len(),
             following: 0,
             watch: Watch::new(finger.touch.map_or(f64::INFINITY, |touch| touch.contact_n)),
             age_s: 0.0,
             over: 0.0,
             monitor: FingerMonitor::new(finger.fault_limits(&hand.faults, sample_hz))?,
             ramp: None,
-            beside: ([Pair::both(0.0); N], 0),
-            least,
+            beside: ([0.0; A], 0),
+            at_rest,
             low: limits.map(|limits| limits.map_or(0.0, |limits| limits.low)),
             high: limits.map(|limits| limits.map_or(0.0, |limits| limits.high)),
             faults: hand.faults,
             numbers: finger.numbers(),
+            actuator_numbers: finger.actuator_numbers(),
             sample_hz,
-            desired: least,
-            command: least,
+            desired: at_rest,
+            command: at_rest,
         })
     }
 
@@ -152,6 +164,12 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
     #[must_use]
     pub fn mechanism(&self) -> &M {
         self.servo.mechanism()
+    }
+
+    /// Returns the number of actuators that the finger has, at most `A`.
+    #[must_use]
+    pub const fn actuators(&self) -> usize {
+        self.actuators
     }
 
     /// Returns the number of joints that the finger has, at most `N`.
@@ -174,7 +192,7 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         self.monitor.first()
     }
 
-    /// Returns true after a fault, while the tensions go down to the least ones or are kept there.
+    /// Returns true after a fault, while the efforts go to rest or are kept there.
     /// The joints are off, and can have no other mode until this returns false.
     #[must_use]
     pub const fn is_resting(&self) -> bool {
@@ -189,13 +207,13 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         self.watch.stop(joint)
     }
 
-    /// Returns the moment arms of the finger's tendons, which convert tensions into joint torques.
+    /// Returns the arms of the finger's actuators at the present posture, which convert efforts into joint torques.
     #[must_use]
-    pub fn arms(&self) -> &MomentArms<N> {
-        self.servo.arms()
+    pub fn linear(&self) -> &Linear<N, A> {
+        self.servo.linear()
     }
 
-    /// Switches a joint to another mode, in which it first keeps its present position, torque or tensions. If the joint
+    /// Switches a joint to another mode, in which it first keeps its present position, torque or efforts. If the joint
     /// is in that mode already, nothing changes, even if it follows the master.
     ///
     /// # Errors
@@ -219,7 +237,7 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
     /// # Errors
     /// After an error the joint keeps its target. Returns [`ServoRefusal::AfterFault`] if the finger has a
     /// fault or rests after one; [`ServoRefusal::NoJoint`] if it does not have the joint;
-    /// [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its tendons;
+    /// [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its actuators;
     /// [`ServoRefusal::Rate`] if its velocity or acceleration is not finite.
     pub fn set_target(&mut self, joint: usize, target: JointTarget) -> Result<(), ServoRefusal> {
         self.refuse_after_fault()?;
@@ -227,6 +245,40 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         self.servo.set_target(joint, target)?;
         self.leave(joint);
         Ok(())
+    }
+
+    /// Sets the effort of an actuator (N, or N m), and switches its joint to [`ServoMode::Effort`]. The other actuators
+    /// of the joint keep the efforts that they have.
+    ///
+    /// # Errors
+    /// Returns [`ServoRefusal::AfterFault`] if the finger has a fault or rests after one; [`ServoRefusal::NoActuator`]
+    /// if it does not have the actuator; [`ServoRefusal::Effort`] if the effort is beyond its limits.
+    pub fn set_effort(&mut self, actuator: usize, effort: f64) -> Result<(), ServoRefusal> {
+        self.refuse_after_fault()?;
+        self.servo.set_effort(actuator, effort)?;
+        if let Some(joint) = self.servo.linear().joint_of(actuator) {
+            self.leave(joint);
+        }
+        Ok(())
+    }
+
+    /// Returns the present gains of an actuator; `None` for an actuator that the finger does not have.
+    #[must_use]
+    pub fn effort_gains(&self, actuator: usize) -> Option<&EffortGains> {
+        self.servo.effort_gains(actuator)
+    }
+
+    /// Changes all gains of an actuator at once, from the next tick on.
+    ///
+    /// # Errors
+    /// [`ServoRefusal::NoActuator`] if the finger does not have the actuator; [`ServoRefusal::Gain`] if no actuator can
+    /// have these gains. The actuator keeps its gains then.
+    pub fn set_effort_gains(
+        &mut self,
+        actuator: usize,
+        gains: &EffortGains,
+    ) -> Result<(), ServoRefusal> {
+        self.servo.set_effort_gains(actuator, gains)
     }
 
     /// Returns the present gains of a joint; `None` for a joint that the finger does not have.
@@ -250,12 +302,12 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
     #[must_use]
     pub fn number(&self, joint: usize, number: JointNumber) -> Option<f64> {
         self.check_joint(joint).ok()?;
-        self.numbers.get(joint)?.get(number as usize).copied()
+        let numbers = self.numbers.get(joint)?.as_ref()?;
+        numbers.get(number as usize).copied()
     }
 
-    /// Changes a number of a joint, from the next tick on: a limit, its soft stop, a filter, or a threshold of a fault.
-    /// Take it from its [range](crate::config::Joint::ranges); 0 means no filter. What it changes of the tensions is
-    /// spread over [`Hand::transition_s`], like a change of gains. A joint that is past a limit that comes nearer has
+    /// Changes a number of a joint, from the next tick on: a limit, its soft stop, or a filter. Take it from its
+    /// [range](Finger::ranges); 0 means no filter. What it changes of the efforts is spread over [`Hand::transition_s`], like a change of gains. A joint that is past a limit that comes nearer has
     /// a fault, as if it had gone there.
     ///
     /// # Errors
@@ -271,7 +323,7 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         let wrong = |error: NumberError| error.at(Subject::Joint(joint as u16));
         finite(number.name().0, value).map_err(wrong)?;
         let mut numbers = self.numbers;
-        let Some(of_joint) = numbers.get_mut(joint) else {
+        let Some(Some(of_joint)) = numbers.get_mut(joint) else {
             return Ok(());
         };
         if let Some(place) = of_joint.get_mut(number as usize) {
@@ -279,11 +331,7 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         }
         let (stop, cutoffs_hz) = stop_and_filters(of_joint);
         let mut limits = *self.monitor.limits();
-        judge(
-            &mut limits,
-            &self.faults,
-            numbers.into_iter().take(self.joints),
-        );
+        judge(&mut limits, &self.faults, &numbers, &self.actuator_numbers);
         limits.check()?;
         (self.servo.set_stop_and_filters(joint, &stop, &cutoffs_hz)).map_err(wrong)?;
         self.monitor.set_limits(limits)?;
@@ -291,6 +339,47 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
             (*low, *high) = (stop.low, stop.high);
         }
         self.numbers = numbers;
+        Ok(())
+    }
+
+    /// Returns the present value of a number of an actuator; `None` for a threshold or a filter that it does not have,
+    /// or an actuator that the finger does not have.
+    #[must_use]
+    pub fn actuator_number(&self, actuator: usize, number: ActuatorNumber) -> Option<f64> {
+        let numbers = self.actuator_numbers.get(actuator)?.as_ref()?;
+        numbers.get(number as usize).copied()?
+    }
+
+    /// Changes a number of an actuator, from the next tick on: a threshold of its faults, or its filter. Take it from
+    /// its [range](crate::config::Actuator::ranges).
+    ///
+    /// # Errors
+    /// [`ServoRefusal::NoActuator`] if the finger does not have the actuator, or the actuator has no such number;
+    /// [`ServoRefusal::Gain`] if no actuator can have the number. The actuator keeps its number then.
+    pub fn set_actuator_number(
+        &mut self,
+        actuator: usize,
+        number: ActuatorNumber,
+        value: f64,
+    ) -> Result<(), ServoRefusal> {
+        let mut numbers = self.actuator_numbers;
+        let of_actuator = numbers.get_mut(actuator).and_then(Option::as_mut);
+        let place = of_actuator.and_then(|numbers| numbers.get_mut(number as usize));
+        let Some(Some(place)) = place else {
+            return Err(ServoRefusal::no_actuator(actuator, self.actuators));
+        };
+        let wrong = |error: NumberError| error.at(Subject::Actuator(actuator as u16));
+        finite(number.name().0, value).map_err(wrong)?;
+        *place = value;
+        let mut limits = *self.monitor.limits();
+        judge(&mut limits, &self.faults, &self.numbers, &numbers);
+        limits.check()?;
+        if number == ActuatorNumber::Cutoff {
+            let cutoff_hz = Some(value);
+            (self.servo.set_effort_cutoff(actuator, cutoff_hz)).map_err(wrong)?;
+        }
+        self.monitor.set_limits(limits)?;
+        self.actuator_numbers = numbers;
         Ok(())
     }
 
@@ -311,13 +400,9 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
     ) -> Result<(), ServoRefusal> {
         let faults = self.faults.with(number, value);
         // So that it cannot fail when it is needed.
-        SafeRamp::new(self.least, self.least, faults.safe_s, self.sample_hz)?;
+        SafeRamp::new(self.at_rest, self.at_rest, faults.safe_s, self.sample_hz)?;
         let mut limits = *self.monitor.limits();
-        judge(
-            &mut limits,
-            &faults,
-            self.numbers.into_iter().take(self.joints),
-        );
+        judge(&mut limits, &faults, &self.numbers, &self.actuator_numbers);
         self.monitor.set_limits(limits)?;
         self.faults = faults;
         Ok(())
@@ -383,8 +468,7 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         Ok(())
     }
 
-    /// Clears the latched faults. Once all tensions have gone down to the least ones, the joints,
-    /// which are still off, can be switched to another mode.
+    /// Clears the latched faults. Once all efforts have gone to rest, the joints, which are still off, can be switched to another mode.
     pub fn clear(&mut self) {
         self.monitor.clear();
     }
@@ -398,11 +482,19 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
     /// one period of [`Hand::servo_rate_hz`] instead; if that lasts for some ticks, it is a fault.
     pub fn tick(
         &mut self,
-        sensed: &FingerReadings<N>,
+        sensed: &FingerReadings<N, A>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> FingerTick<N> {
+    ) -> FingerTick<N, A> {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
+        let mut sensed = *sensed;
+        let efforts = sensed.effort.iter_mut().zip(self.servo.sensed());
+        for ((effort, is_sensed), desired) in efforts.zip(&self.desired) {
+            if !is_sensed {
+                *effort = *desired;
+            }
+        }
+        let sensed = &sensed;
         if self.watch.watches(self.following) {
             self.check_guards(sensed);
         }
@@ -411,8 +503,8 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         let age_s = if self.following == 0 { 0.0 } else { self.age_s };
         let mut output = self.servo.tick_after(sensed, gravity, elapsed);
         let fault = self.monitor.update(&Observation {
-            desired_tensions: &self.desired,
-            tensions: &sensed.tension,
+            desired_efforts: &self.desired,
+            efforts: &sensed.effort,
             desired_positions: &target,
             positions: &sensed.position,
             lost: output.lost,
@@ -426,23 +518,25 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
             self.ramp = None;
         }
         if let Some(ramp) = &mut self.ramp {
-            let mut tensions = ramp.update();
+            let mut efforts = ramp.update();
             let (beside, left) = &mut self.beside;
             *left = left.saturating_sub(1);
             let part = f64::from(*left) / f64::from(SETTLING_TICKS);
-            for (tension, beside) in tensions.iter_mut().zip(beside) {
-                tension.flexor = max(tension.flexor + part * beside.flexor, 0.0);
-                tension.extensor = max(tension.extensor + part * beside.extensor, 0.0);
+            let linear = self.servo.linear();
+            let all = efforts.iter_mut().zip(beside).zip(linear.limits());
+            for ((effort, beside), limits) in all {
+                let (low, high) = limits.command_range();
+                *effort = clamp(*effort + part * *beside, low, high);
             }
-            output.command = tensions;
-            output.tension = tensions;
-            output.torque = self.servo.arms().torque(&tensions);
+            output.command = efforts;
+            output.effort = efforts;
+            output.torque = linear.torque(&efforts);
             output.saturated = 0;
             // Nothing of the way down is left in the servos when they command again.
             self.servo.rest();
             self.servo.forget_positions();
         }
-        self.desired = output.tension;
+        self.desired = output.effort;
         self.command = output.command;
         FingerTick {
             output,
@@ -491,16 +585,18 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
     /// Stops the joints of the motions whose guards do not permit what is measured, where their
     /// set-points are.
     #[cold]
-    fn check_guards(&mut self, sensed: &FingerReadings<N>) {
+    fn check_guards(&mut self, sensed: &FingerReadings<N, A>) {
         let before = self.watch.stopped();
         let servo = &self.servo;
-        self.watch
-            .check(self.following, sensed, servo.arms(), |joint| {
-                match servo.target(joint) {
-                    Some(JointTarget::Position(point)) => Some(point.position),
-                    _ => None,
-                }
-            });
+        self.watch.check(
+            self.following,
+            sensed,
+            servo.linear(),
+            |joint| match servo.target(joint) {
+                Some(JointTarget::Position(point)) => Some(point.position),
+                _ => None,
+            },
+        );
         let after = self.watch.stopped() & !before;
         for joint in (0..N).filter(|joint| after >> joint & 1 == 1) {
             if let Some(stop) = self.watch.stop(joint) {
@@ -527,10 +623,10 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         }
     }
 
-    /// On a fault: all joints off, and all tensions on their way to the least.
+    /// On a fault: all joints off, and all efforts on their way to rest.
     ///
-    /// What a position servo wanted at last may be wrong, and would move the joint all the way down: such a
-    /// joint begins with the tensions that hold it still. All others begin with what they had.
+    /// What a position servo wanted at last may be wrong, and would move the joint all the way: such a
+    /// joint begins with the efforts that hold it still. All others begin with what they had.
     #[cold]
     fn give_up(&mut self, position: &SVector<f64, N>, gravity: &Vector3<f64>) {
         let weight = self.servo.mechanism().gravity_torque(position, gravity);
@@ -538,21 +634,16 @@ impl<M: Dynamics<N>, const N: usize> FingerController<M, N> {
         self.servo.rest();
         self.following = 0;
         self.watch.release(u32::MAX);
-        // The last commands are finite: those of the first tick are the least.
-        let ramp = |from| SafeRamp::new(from, self.least, self.faults.safe_s, self.sample_hz);
+        // The last commands are finite: those of the first tick are at rest.
+        let ramp = |from| SafeRamp::new(from, self.at_rest, self.faults.safe_s, self.sample_hz);
         let (begin, ramp) = match ramp(still) {
             Ok(ramp) => (still, Some(ramp)),
             Err(_) => (self.command, ramp(self.command).ok()),
         };
-        let beside = core::array::from_fn(|joint| {
-            let of =
-                |pairs: &TendonPairs<f64, N>| pairs.get(joint).copied().unwrap_or(Pair::both(0.0));
-            let (had, begin) = (of(&self.command), of(&begin));
-            Pair {
-                flexor: had.flexor - begin.flexor,
-                extensor: had.extensor - begin.extensor,
-            }
-        });
+        let mut beside = self.command;
+        for (beside, begin) in beside.iter_mut().zip(&begin) {
+            *beside -= begin;
+        }
         self.beside = (beside, SETTLING_TICKS);
         self.ramp = ramp;
     }

@@ -1,15 +1,17 @@
 use crate::config::{
-    FaultPolicy, Finger, InputChannel, Joint, JointNumber, JointNumbers, ServoLaw, Tendon,
+    Actuator, ActuatorNumber, ActuatorNumbers, FaultPolicy, Finger, InputChannel, Joint,
+    JointNumber, JointNumbers, ServoLaw,
 };
 use crate::dynamics::DriveDynamics;
-use crate::servo::{
-    FingerSettings, JointCutoffs, JointGains, JointSettings, PositionLaw, SoftStop,
-};
-use crate::tendon::fault::{
-    FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck, TendonFaultLimits,
+use crate::fault::{
+    ActuatorFaultLimits, FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck,
     Threshold,
 };
-use crate::tendon::{Pair, TensionGains};
+use crate::math::{abs, max, min};
+use crate::servo::{
+    ActuatorSettings, EffortGains, FingerSettings, JointCutoffs, JointGains, JointSettings,
+    PositionLaw, SoftStop,
+};
 
 /// A sensor of this many counts moves by noise.
 const NOISE_COUNTS: f64 = 1.5;
@@ -20,20 +22,23 @@ const FROZEN_COUNTS: f64 = 4.0;
 /// From one tick to the next the rate of a joint changes by at most this many times its limit.
 const PLAUSIBLE_RATE: f64 = 2.0;
 
-impl<const N: usize> Finger<N> {
+impl<const N: usize, const A: usize> Finger<N, A> {
     /// Returns the settings from which the finger's servos are made. `sample_hz` is the number of
-    /// servo ticks per second. `transition_s` is the time over which a step of tensions is spread,
+    /// servo ticks per second. `transition_s` is the time over which a step of efforts is spread,
     /// s.
     ///
-    /// If the finger has fewer than `N` joints, the settings of the missing ones keep them still
-    /// and without tension.
+    /// Joints and actuators that the finger does not have do nothing.
     #[must_use]
-    pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<N> {
+    pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<N, A> {
         FingerSettings {
             joints: core::array::from_fn(|joint| {
                 self.joints
                     .get(joint)
                     .map_or(absent(sample_hz), Joint::settings)
+            }),
+            actuators: core::array::from_fn(|place| {
+                let actuator = self.actuators.get(place);
+                actuator.map_or(NO_ACTUATOR, Actuator::settings)
             }),
             drive: DriveDynamics {
                 armature: self.each(|joint| joint.friction.armature),
@@ -49,22 +54,25 @@ impl<const N: usize> Finger<N> {
     /// Returns the limits beyond which the finger has a fault, from its configuration and from
     /// `policy`. `sample_hz` is the number of servo ticks per second.
     #[must_use]
-    pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<N> {
-        let tendon = |tendon: &Tendon| TendonFaultLimits {
-            sensor: sensor(&tendon.adc, tendon.max_n / 4.0),
-            ..TendonFaultLimits::default()
+    pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<N, A> {
+        let actuator = |actuator: &Actuator<N>| {
+            let (low, high) = (actuator.limits.low, actuator.limits.high);
+            let adc = actuator.adc.as_ref();
+            let travel = max(abs(low), abs(high)) / 4.0;
+            ActuatorFaultLimits {
+                sensor: adc.map(|adc| sensor(adc, travel)).unwrap_or_default(),
+                ..ActuatorFaultLimits::default()
+            }
         };
-        let joint = |joint: &Joint<N>| JointFaultLimits {
+        let joint = |joint: &Joint| JointFaultLimits {
             sensor: sensor(&joint.adc, 0.0),
             ..JointFaultLimits::default()
         };
         let mut limits = FaultLimits {
-            tendons: core::array::from_fn(|place| {
-                let pair = self.joints.get(place).map(|joint| Pair {
-                    flexor: tendon(&joint.flexor),
-                    extensor: tendon(&joint.extensor),
-                });
-                pair.unwrap_or_default()
+            actuators: core::array::from_fn(|place| {
+                (self.actuators.get(place))
+                    .map(actuator)
+                    .unwrap_or_default()
             }),
             joints: core::array::from_fn(|place| {
                 self.joints.get(place).map(joint).unwrap_or_default()
@@ -78,56 +86,50 @@ impl<const N: usize> Finger<N> {
                 samples: 1,
             },
         };
-        let joints = self.joints.iter().map(Joint::numbers);
-        judge(&mut limits, policy, joints);
+        let (joints, actuators) = (self.numbers(), self.actuator_numbers());
+        judge(&mut limits, policy, &joints, &actuators);
         limits
     }
 
-    /// Returns the numbers of the joints that can change while they run; zeros for joints that do not exist.
-    pub(super) fn numbers(&self) -> [JointNumbers; N] {
-        core::array::from_fn(|place| {
-            let joint = self.joints.get(place);
-            joint.map_or([0.0; JointNumber::ALL.len()], Joint::numbers)
-        })
+    /// Returns the numbers of the joints that can change while they run; `None` for joints that do not exist.
+    pub(super) fn numbers(&self) -> [Option<JointNumbers>; N] {
+        core::array::from_fn(|place| self.joints.get(place).map(Joint::numbers))
     }
 
-    /// Returns the least tensions that the finger's tendons always keep, N. Elements without a joint are zero.
-    #[must_use]
-    pub fn least_tensions(&self) -> [Pair<f64>; N] {
-        core::array::from_fn(|joint| {
-            let joint = self.joints.get(joint);
-            joint.map_or(Pair::both(0.0), |joint| Pair {
-                flexor: joint.flexor.min_n,
-                extensor: joint.extensor.min_n,
-            })
+    /// Returns the numbers of the actuators that can change while they run; `None` for actuators without a sensor, or
+    /// that do not exist.
+    pub(super) fn actuator_numbers(&self) -> [Option<ActuatorNumbers>; A] {
+        core::array::from_fn(|place| {
+            let actuator = self.actuators.get(place)?;
+            actuator.adc?;
+            Some(actuator.numbers())
         })
     }
 }
 
-/// Sets what a policy, and the numbers of the joints that exist, say of the limits of a finger. All checks stay off for
-/// joints that do not exist.
-pub(super) fn judge<const N: usize>(
-    limits: &mut FaultLimits<N>,
+/// Sets what a policy, and the numbers of the joints and actuators, say of the limits of a finger. All checks stay off
+/// for those without numbers.
+pub(super) fn judge<const N: usize, const A: usize>(
+    limits: &mut FaultLimits<N, A>,
     policy: &FaultPolicy,
-    joints: impl Iterator<Item = JointNumbers>,
+    joints: &[Option<JointNumbers>; N],
+    actuators: &[Option<ActuatorNumbers>; A],
 ) {
-    let places = limits.tendons.iter_mut().zip(&mut limits.joints);
-    for ((tendons, of_joint), numbers) in places.zip(joints) {
+    for (limits, numbers) in limits.actuators.iter_mut().zip(actuators) {
+        let Some(numbers) = numbers else { continue };
+        let number = |number: ActuatorNumber| numbers.get(number as usize).copied().flatten();
+        limits.sensor.lost_samples = policy.lost_samples;
+        limits.sensor.range.samples = policy.sensor_samples;
+        limits.sensor.stuck.samples = policy.sensor_samples;
+        limits.effort = FaultRange {
+            low: number(ActuatorNumber::Below).unwrap_or(-f64::MAX),
+            high: number(ActuatorNumber::Above).unwrap_or(f64::MAX),
+            samples: policy.effort_samples,
+        };
+    }
+    for (of_joint, numbers) in limits.joints.iter_mut().zip(joints) {
+        let Some(numbers) = numbers else { continue };
         let number = |number: JointNumber| numbers.get(number as usize).copied().unwrap_or(0.0);
-        let thresholds = [
-            (JointNumber::FlexorSlack, JointNumber::FlexorBreak),
-            (JointNumber::ExtensorSlack, JointNumber::ExtensorBreak),
-        ];
-        let tendons = [&mut tendons.flexor, &mut tendons.extensor];
-        for (tendon, (slack, breaks)) in tendons.into_iter().zip(thresholds) {
-            tendon.sensor.lost_samples = policy.lost_samples;
-            tendon.sensor.range.samples = policy.sensor_samples;
-            tendon.sensor.stuck.samples = policy.sensor_samples;
-            let samples = policy.tension_samples;
-            let threshold = |value| Threshold { value, samples };
-            (tendon.slack, tendon.over_tension) =
-                (threshold(number(slack)), threshold(number(breaks)));
-        }
         let sensor = &mut of_joint.sensor;
         sensor.lost_samples = policy.lost_samples;
         sensor.range.samples = policy.sensor_samples;
@@ -161,10 +163,6 @@ pub(super) fn stop_and_filters(numbers: &JointNumbers) -> (SoftStop, JointCutoff
     let cutoffs_hz = JointCutoffs {
         position: filter(JointNumber::PositionCutoff),
         velocity: number(JointNumber::VelocityCutoff),
-        tension: Pair {
-            flexor: filter(JointNumber::FlexorCutoff),
-            extensor: filter(JointNumber::ExtensorCutoff),
-        },
     };
     (stop, cutoffs_hz)
 }
@@ -175,12 +173,12 @@ fn sensor(input: &InputChannel, travel: f64) -> SensorFaultLimits {
     let ends = [input.value(0), input.value(input.full_scale())];
     SensorFaultLimits {
         range: FaultRange {
-            low: crate::math::min(ends[0], ends[1]),
-            high: crate::math::max(ends[0], ends[1]),
+            low: min(ends[0], ends[1]),
+            high: max(ends[0], ends[1]),
             samples: 0,
         },
         stuck: Stuck {
-            band: NOISE_COUNTS * crate::math::abs(input.gain),
+            band: NOISE_COUNTS * abs(input.gain),
             travel,
             samples: 0,
         },
@@ -188,7 +186,7 @@ fn sensor(input: &InputChannel, travel: f64) -> SensorFaultLimits {
     }
 }
 
-impl<const N: usize> Joint<N> {
+impl Joint {
     /// The settings of the joint's servo.
     fn settings(&self) -> JointSettings {
         let joint = self;
@@ -215,10 +213,6 @@ impl<const N: usize> Joint<N> {
                     },
                 },
                 k_torque: servo.k_tau,
-                tension: Pair {
-                    flexor: joint.flexor.gains,
-                    extensor: joint.extensor.gains,
-                },
             },
             stop: SoftStop {
                 low: joint.limits.low,
@@ -228,17 +222,36 @@ impl<const N: usize> Joint<N> {
                 damping_ratio: joint.stop.damping_ratio,
             },
             rate_change: PLAUSIBLE_RATE * joint.limits.velocity,
-            resolution_rad: crate::math::abs(joint.adc.gain),
-            frozen_rad: FROZEN_COUNTS * crate::math::abs(joint.adc.gain) + 2.0 * held_rad,
+            resolution_rad: abs(joint.adc.gain),
+            frozen_rad: FROZEN_COUNTS * abs(joint.adc.gain) + 2.0 * held_rad,
             position_cutoff_hz: servo.position_cutoff_hz,
             velocity_cutoff_hz: servo.velocity_cutoff_hz,
-            tension_cutoff_hz: Pair {
-                flexor: joint.flexor.cutoff_hz,
-                extensor: joint.extensor.cutoff_hz,
-            },
         }
     }
 }
+
+impl<const N: usize> Actuator<N> {
+    /// The settings of the actuator's servo.
+    fn settings(&self) -> ActuatorSettings {
+        ActuatorSettings {
+            gains: self.gains,
+            is_sensed: self.adc.is_some(),
+            cutoff_hz: self.cutoff_hz,
+        }
+    }
+}
+
+/// The settings of an actuator that the finger does not have.
+const NO_ACTUATOR: ActuatorSettings = ActuatorSettings {
+    gains: EffortGains {
+        kp: 0.0,
+        ki: 0.0,
+        kd: 0.0,
+        kv: 0.0,
+    },
+    is_sensed: false,
+    cutoff_hz: None,
+};
 
 /// The settings of a joint that the finger does not have.
 fn absent(sample_hz: f64) -> JointSettings {
@@ -249,7 +262,6 @@ fn absent(sample_hz: f64) -> JointSettings {
                 damping_ratio: 0.0,
             },
             k_torque: 0.0,
-            tension: Pair::both(TensionGains::default()),
         },
         stop: SoftStop::default(),
         rate_change: f64::MAX,
@@ -257,6 +269,5 @@ fn absent(sample_hz: f64) -> JointSettings {
         frozen_rad: f64::MAX,
         position_cutoff_hz: None,
         velocity_cutoff_hz: sample_hz / 4.0,
-        tension_cutoff_hz: Pair::both(None),
     }
 }

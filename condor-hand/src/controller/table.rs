@@ -7,9 +7,9 @@ use super::axis::AxisServo;
 use crate::Subject;
 use crate::config::{Axis, AxisNumber, Hand};
 use crate::decimal::Decimal;
+use crate::fault::sensor::Run;
 use crate::math::{is_finite, max, min, round};
 use crate::number::{NumberError, Requirement, check, positive};
-use crate::tendon::fault::sensor::Run;
 use crate::trajectory::{
     Generator, MotionError, MotionEvent, MotionTicket, Observations, Pace, Primitive, Profile,
     ProfileLimits, SetPoint, Target,
@@ -134,8 +134,8 @@ impl TableController {
     ///
     /// # Errors
     /// [`NumberError`] for settings that [`Hand::check`] would have refused.
-    pub fn new<const F: usize, const N: usize>(
-        hand: &Hand<F, N>,
+    pub fn new<const F: usize, const N: usize, const A: usize>(
+        hand: &Hand<F, N, A>,
     ) -> Result<Option<Self>, NumberError> {
         let Some(table) = &hand.table else {
             return Ok(None);

@@ -1,9 +1,9 @@
 //! [`Watch`]: the motions of a finger's joints, and those that a guard has stopped.
 
-use crate::math::is_finite;
+use crate::math::{abs, is_finite};
 use crate::servo::FingerReadings;
-use crate::tendon::MomentArms;
 use crate::trajectory::{MotionGuard, StopGuard};
+use crate::transmission::Linear;
 
 /// The report that a guard has stopped a joint: the condition that held, the value that was
 /// measured, and the place where the joint rests.
@@ -13,7 +13,7 @@ pub struct GuardStop {
     pub motion: u32,
     /// The condition that held; its joint is counted in the finger, from 0.
     pub guard: MotionGuard,
-    /// The measured torque, tension or force, N m or N; it is not finite if the sensor gave no
+    /// The measured torque, effort or force, N m or N; it is not finite if the sensor gave no
     /// number.
     pub value: f64,
     /// The set-point at which the joint rests, rad.
@@ -98,27 +98,32 @@ impl<const N: usize> Watch<N> {
     /// Checks the conditions of the joints that follow. `position` is asked for the set-point of each
     /// joint whose motion one of them stops.
     #[cold]
-    pub(super) fn check(
+    pub(super) fn check<const A: usize>(
         &mut self,
         following: u32,
-        sensed: &FingerReadings<N>,
-        arms: &MomentArms<N>,
+        sensed: &FingerReadings<N, A>,
+        linear: &Linear<N, A>,
         mut position: impl FnMut(usize) -> Option<f64>,
     ) {
-        let torques = arms.torque(&sensed.tension);
+        let torques = linear.torque(&sensed.effort);
+        let mut efforts = [0.0; N];
+        for (actuator, &effort) in sensed.effort.iter().enumerate() {
+            let joint = linear.joint_of(actuator);
+            if let Some(most) = joint.and_then(|joint| efforts.get_mut(joint)) {
+                // An effort that is not finite is kept.
+                let is_more = abs(effort) > *most || !is_finite(effort);
+                if is_more && is_finite(*most) {
+                    *most = abs(effort);
+                }
+            }
+        }
         let guards = self.guards;
-        let measured = torques.iter().zip(&sensed.tension);
-        for (joint, (guard, (&torque, pair))) in guards.iter().zip(measured).enumerate() {
+        let measured = torques.iter().zip(&efforts);
+        for (joint, (guard, (&torque, &effort))) in guards.iter().zip(measured).enumerate() {
             if self.armed & following & !self.stopped & 1 << joint == 0 {
                 continue;
             }
-            // A tension that is not finite is kept.
-            let tension = if pair.flexor >= pair.extensor || !is_finite(pair.flexor) {
-                pair.flexor
-            } else {
-                pair.extensor
-            };
-            let first = guard.first(joint, torque, tension, sensed.touch, self.contact_n);
+            let first = guard.first(joint, torque, effort, sensed.touch, self.contact_n);
             let Some((tripped, value)) = first else {
                 continue;
             };

@@ -3,31 +3,28 @@ use nalgebra::SVector;
 use super::AXES;
 use crate::config::{Channel, Finger, InputChannel, TableSettings};
 use crate::servo::FingerReadings;
-use crate::tendon::{Pair, TendonPairs};
 
-/// Reads all sensors of a finger through their converters. Returns positions in radians, and
-/// tensions and the force at the fingertip in newtons.
+/// Reads all sensors of a finger through their converters. Returns positions in radians,
+/// efforts in newtons or newton metres, and the force at the fingertip in newtons.
 ///
 /// `read` must return the counts of a channel, or `None` if the channel cannot be read. The value
-/// is then NaN. A position or a tension that stays NaN becomes a fault of the finger.
-pub fn read_finger<const N: usize>(
-    finger: &Finger<N>,
+/// is then NaN. A position or an effort that stays NaN becomes a fault of the finger.
+pub fn read_finger<const N: usize, const A: usize>(
+    finger: &Finger<N, A>,
     mut read: impl FnMut(Channel) -> Option<u32>,
-) -> FingerReadings<N> {
-    let mut sensed = FingerReadings {
+) -> FingerReadings<N, A> {
+    let mut sensed = FingerReadings::<N, A> {
         position: SVector::zeros(),
-        tension: [Pair::both(0.0); N],
+        effort: [0.0; A],
         touch: 0.0,
     };
-    for ((joint, position), tension) in finger
-        .joints
-        .iter()
-        .zip(sensed.position.iter_mut())
-        .zip(&mut sensed.tension)
-    {
+    for (joint, position) in finger.joints.iter().zip(sensed.position.iter_mut()) {
         *position = value(&joint.adc, &mut read);
-        tension.flexor = value(&joint.flexor.adc, &mut read);
-        tension.extensor = value(&joint.extensor.adc, &mut read);
+    }
+    for (actuator, effort) in finger.actuators.iter().zip(&mut sensed.effort) {
+        if let Some(adc) = &actuator.adc {
+            *effort = value(adc, &mut read);
+        }
     }
     if let Some(touch) = &finger.touch {
         sensed.touch = value(&touch.adc, &mut read);
@@ -35,17 +32,15 @@ pub fn read_finger<const N: usize>(
     sensed
 }
 
-/// Converts `command` (N), the commands for the actuators of a finger, into counts, and calls
+/// Converts `command` (N, or N m), the commands for the actuators of a finger, into counts, and calls
 /// `write` with the channel and the counts of each actuator.
-pub fn write_finger<const N: usize>(
-    finger: &Finger<N>,
-    command: &TendonPairs<f64, N>,
+pub fn write_finger<const N: usize, const A: usize>(
+    finger: &Finger<N, A>,
+    command: &[f64; A],
     mut write: impl FnMut(Channel, u32),
 ) {
-    for (joint, command) in finger.joints.iter().zip(command) {
-        let (flexor, extensor) = (&joint.flexor.dac, &joint.extensor.dac);
-        write(flexor.channel(), flexor.counts(command.flexor));
-        write(extensor.channel(), extensor.counts(command.extensor));
+    for (actuator, &command) in finger.actuators.iter().zip(command) {
+        write(actuator.dac.channel(), actuator.dac.counts(command));
     }
 }
 

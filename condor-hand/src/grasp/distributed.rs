@@ -25,7 +25,7 @@ mod order;
 mod report;
 mod settings;
 
-pub use law::{DistributedGrasp, FingerControllers, GraspInputs};
+pub use law::{DistributedGrasp, FingerControllers, GraspInputs, GraspedFinger};
 pub use order::GraspOrder;
 pub use report::{GraspReason, GraspReport, GraspState};
 pub use settings::{GraspAxes, GraspSettings, MeasuredBall};

@@ -1,13 +1,13 @@
 //! A finger of the shipped hand with changed numbers, any calls of its controller, and any readings of its
 //! sensors.
 
-use crate::config::{Joint, ServoLaw, Tendon};
+use crate::config::{Actuator, EffortFaults, Joint, ServoLaw};
 use crate::controller::{FingerController, FingerTick};
 use crate::dynamics::Dynamics;
-use crate::servo::{FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
-use crate::tendon::fault::FingerFault;
-use crate::tendon::{Pair, TendonPairs, TensionGains};
+use crate::fault::FingerFault;
+use crate::servo::{EffortGains, FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
 use crate::trajectory::{SetPoint, StopGuard};
+use crate::transmission::Linear;
 use nalgebra::{SVector, Vector3};
 
 use super::source::Source;
@@ -45,8 +45,9 @@ pub fn run(bytes: &[u8]) {
 /// Changes a number of the configuration.
 fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
     let joint = source.below(4);
-    let kind = source.below(33);
-    let of_joint = &mut hand.fingers[finger].joints[joint];
+    let kind = source.below(31);
+    let of_finger = &mut hand.fingers[finger];
+    let of_joint = &mut of_finger.joints[joint];
     let place: &mut f64 = match kind {
         0 => &mut hand.transition_s,
         1 => &mut hand.faults.safe_s,
@@ -60,7 +61,7 @@ fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
         }
         6 => {
             let samples = u16::from_le_bytes([source.byte(), source.byte()]);
-            hand.faults.tension_samples = samples;
+            hand.faults.effort_samples = samples;
             hand.faults.sensor_samples = samples;
             hand.faults.lost_samples = samples;
             hand.faults.tracking_samples = samples;
@@ -68,15 +69,13 @@ fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
             return;
         }
         7 => &mut hand.gravity[0],
-        _ => {
-            vary_joint(of_joint, kind, source);
-            return;
-        }
+        8..=29 => return vary_joint(of_joint, kind, source),
+        _ => return vary_actuator(&mut of_finger.actuators[source.below(8)], source),
     };
     *place = source.number(*place);
 }
 
-fn vary_joint(joint: &mut Joint<4>, kind: usize, source: &mut Source<'_>) {
+fn vary_joint(joint: &mut Joint, kind: usize, source: &mut Source<'_>) {
     let place: &mut f64 = match kind {
         8 => &mut joint.limits.low,
         9 => &mut joint.limits.high,
@@ -102,52 +101,51 @@ fn vary_joint(joint: &mut Joint<4>, kind: usize, source: &mut Source<'_>) {
             joint.servo.law = ServoLaw::Pd;
             return;
         }
-        29 => joint.flexor.bias_n.insert(20.0),
-        30 => joint.extensor.bias_n.insert(20.0),
-        31 => match &mut joint.body {
+        _ => match &mut joint.body {
             Some(body) => &mut body.mass_kg,
             None => return,
         },
-        _ => {
-            let tendon = if source.byte().is_multiple_of(2) {
-                &mut joint.flexor
-            } else {
-                &mut joint.extensor
-            };
-            return vary_tendon(tendon, source);
-        }
     };
     *place = source.number(*place);
 }
 
-fn vary_tendon(tendon: &mut Tendon, source: &mut Source<'_>) {
-    let place = match source.below(10) {
-        0 => &mut tendon.min_n,
-        1 => &mut tendon.max_n,
-        2 => &mut tendon.slack_n,
-        3 => &mut tendon.break_n,
-        4 => &mut tendon.gains.kt,
-        5 => &mut tendon.gains.ki,
-        6 => &mut tendon.gains.kd,
-        7 => &mut tendon.gains.kv,
-        8 => &mut tendon.arm_m,
-        _ => tendon.cutoff_hz.insert(80.0),
+fn vary_actuator(actuator: &mut Actuator<4>, source: &mut Source<'_>) {
+    let place = match source.below(12) {
+        0 => &mut actuator.limits.low,
+        1 => &mut actuator.limits.high,
+        2 => actuator.limits.bias.insert(20.0),
+        3 => actuator.faults.below.insert(1.0),
+        4 => actuator.faults.above.insert(180.0),
+        5 => &mut actuator.gains.kp,
+        6 => &mut actuator.gains.ki,
+        7 => &mut actuator.gains.kd,
+        8 => &mut actuator.gains.kv,
+        9 => match actuator.arms.iter_mut().next() {
+            Some((_, arm)) => arm,
+            None => return,
+        },
+        10 => {
+            (actuator.adc, actuator.faults) = (None, EffortFaults::default());
+            return;
+        }
+        _ => actuator.cutoff_hz.insert(80.0),
     };
     *place = source.number(*place);
 }
 
 /// A finger with its configuration, its readings and its present fault.
 struct Subject<'h, M> {
-    controller: FingerController<M, 4>,
+    controller: FingerController<M, Linear<4, 8>, 4, 8>,
     hand: &'h Shipped,
     finger: usize,
     fault: Option<FingerFault>,
-    sensed: FingerReadings<4>,
+    sensed: FingerReadings<4, 8>,
 }
 
 fn drive<M: Dynamics<4>>(hand: &Shipped, finger: usize, mechanism: M, source: &mut Source<'_>) {
     let entry = &hand.fingers[finger];
-    let controller = FingerController::new(hand, entry, mechanism)
+    let transmission = entry.transmission().expect("the arms keep the rules");
+    let controller = FingerController::new(hand, entry, mechanism, transmission)
         .expect("a hand that keeps the rules has controllers");
     let mut subject = Subject {
         controller,
@@ -156,7 +154,7 @@ fn drive<M: Dynamics<4>>(hand: &Shipped, finger: usize, mechanism: M, source: &m
         fault: None,
         sensed: FingerReadings {
             position: SVector::from([0.1, 0.6, 0.8, 0.7]),
-            tension: entry.least_tensions(),
+            effort: entry.efforts_at_rest(),
             touch: 0.0,
         },
     };
@@ -174,7 +172,7 @@ fn drive<M: Dynamics<4>>(hand: &Shipped, finger: usize, mechanism: M, source: &m
 impl<M: Dynamics<4>> Subject<'_, M> {
     fn event(&mut self, source: &mut Source<'_>) {
         let joint = source.below(5);
-        let refused = match source.byte() % 12 {
+        let refused = match source.byte() % 14 {
             0 => ServoMode::ALL
                 .get(usize::from(source.byte() % 6))
                 .map(|&mode| self.controller.set_mode(joint, mode).is_err()),
@@ -195,7 +193,7 @@ impl<M: Dynamics<4>> Subject<'_, M> {
                 let guards = [(); 4].map(|()| StopGuard {
                     motion: u32::from(source.byte() % 3),
                     torque: source.number(0.1),
-                    tension: source.number(10.0),
+                    effort: source.number(10.0),
                     contact: source.byte() % 2 == 1,
                 });
                 let _ = self.controller.follow(&points, &guards);
@@ -211,6 +209,14 @@ impl<M: Dynamics<4>> Subject<'_, M> {
                 self.break_sensor(source);
                 None
             }
+            6 => {
+                let (actuator, effort) = (source.below(9), source.number(30.0));
+                Some(self.controller.set_effort(actuator, effort).is_err())
+            }
+            7 => {
+                self.set_effort_gains(source);
+                None
+            }
             _ => {
                 for _ in 0..source.byte() % 64 {
                     self.tick(source);
@@ -224,13 +230,21 @@ impl<M: Dynamics<4>> Subject<'_, M> {
         );
     }
 
-    fn set_gains(&mut self, joint: usize, source: &mut Source<'_>) {
-        let tension = Pair::both(TensionGains {
-            kt: source.number(1.0),
+    fn set_effort_gains(&mut self, source: &mut Source<'_>) {
+        let actuator = source.below(9);
+        let gains = EffortGains {
+            kp: source.number(1.0),
             ki: source.number(1.0),
             kd: source.number(0.001),
             kv: source.number(1.0),
-        });
+        };
+        let before = self.controller.effort_gains(actuator).copied();
+        if self.controller.set_effort_gains(actuator, &gains).is_err() {
+            assert_eq!(self.controller.effort_gains(actuator).copied(), before);
+        }
+    }
+
+    fn set_gains(&mut self, joint: usize, source: &mut Source<'_>) {
         let law = if source.byte().is_multiple_of(2) {
             PositionLaw::Pd {
                 kp: source.number(1.0),
@@ -247,7 +261,6 @@ impl<M: Dynamics<4>> Subject<'_, M> {
         let gains = JointGains {
             law,
             k_torque: source.number(0.5),
-            tension,
         };
         let before = self.controller.gains(joint).copied();
         if self.controller.set_gains(joint, &gains).is_err() {
@@ -261,8 +274,7 @@ impl<M: Dynamics<4>> Subject<'_, M> {
         let place = match source.byte() % 4 {
             3 => &mut self.sensed.touch,
             0 => &mut self.sensed.position[joint],
-            1 => &mut self.sensed.tension[joint].flexor,
-            _ => &mut self.sensed.tension[joint].extensor,
+            _ => &mut self.sensed.effort[source.below(8)],
         };
         *place = source.number(*place);
     }
@@ -278,16 +290,12 @@ impl<M: Dynamics<4>> Subject<'_, M> {
         self.judge(&tick);
     }
 
-    fn judge(&mut self, tick: &FingerTick<4>) {
+    fn judge(&mut self, tick: &FingerTick<4, 8>) {
         let entry = &self.hand.fingers[self.finger];
-        let most: TendonPairs<f64, 4> = core::array::from_fn(|joint| Pair {
-            flexor: entry.joints[joint].flexor.max_n,
-            extensor: entry.joints[joint].extensor.max_n,
-        });
-        for pairs in [&tick.output.command, &tick.output.tension] {
-            for (pair, most) in pairs.iter().zip(&most) {
-                assert!((0.0..=most.flexor).contains(&pair.flexor), "{tick:?}");
-                assert!((0.0..=most.extensor).contains(&pair.extensor), "{tick:?}");
+        for efforts in [&tick.output.command, &tick.output.effort] {
+            for (effort, actuator) in efforts.iter().zip(&entry.actuators) {
+                let (low, high) = actuator.limits().command_range();
+                assert!((low..=high).contains(effort), "{tick:?}");
             }
         }
         let output = &tick.output;
@@ -315,10 +323,7 @@ impl<M: Dynamics<4>> Subject<'_, M> {
 fn target(source: &mut Source<'_>) -> JointTarget {
     match source.byte() % 6 {
         0 => JointTarget::Off,
-        1 => JointTarget::Tension(Pair {
-            flexor: source.number(30.0),
-            extensor: source.number(30.0),
-        }),
+        1 => JointTarget::Effort,
         2 => JointTarget::Torque(source.number(0.3)),
         3 => JointTarget::Position(SetPoint {
             position: source.number(0.6),

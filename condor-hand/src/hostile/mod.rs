@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 
 use crate::config::Hand;
 
-type Shipped = Hand<4, 4>;
+type Shipped = Hand<4, 4, 8>;
 
 const TEXT: &str = include_str!("../../hands/utah-mit.toml");
 

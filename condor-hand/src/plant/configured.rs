@@ -9,7 +9,7 @@ use super::{
 use crate::config::JointFriction;
 use crate::dynamics::Dynamics;
 use crate::math::{abs, max};
-use crate::tendon::Pair;
+use crate::transmission::Transmission;
 use crate::{NumberError, Requirement, Subject, config};
 
 /// The parameters of a simulated hand that its configuration does not have. The methods make the
@@ -22,10 +22,11 @@ use crate::{NumberError, Requirement, Subject, config};
 /// use condor_hand::{config::Hand, plant::PlantModel};
 ///
 /// let text = std::fs::read_to_string("hands/utah-mit.toml")?;
-/// let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// let hand = Hand::<4, 4, 8>::from_toml(&text, "utah-mit.toml")?;
 /// let thumb = &hand.fingers[3];
 /// let model = PlantModel { updates: 25, ..PlantModel::default() };
-/// let finger = model.finger(thumb, thumb.chain(), [0.0, 0.3, 0.4, 0.4].into())?;
+/// let start = [0.0, 0.3, 0.4, 0.4].into(); // rad
+/// let finger = model.finger(thumb, thumb.chain(), thumb.transmission()?, start)?;
 /// assert_eq!(finger.readings().position[2], 0.4);
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
@@ -96,18 +97,14 @@ fn time_constant_s(pole_hz: f64) -> f64 {
 }
 
 impl PlantModel {
-    /// Returns the parameters of the simulation of a configured finger, except for its mechanism.
-    ///
-    /// If the finger has fewer than `N` joints, nothing moves the missing ones.
-    ///
-    /// # Errors
-    /// [`NumberError`] for moment arms that [`Hand::check`](config::Hand::check) would have refused.
-    pub fn finger_parameters<const N: usize>(
+    /// Returns the parameters of the simulation of a configured finger, except for its mechanism and
+    /// its transmission. Joints and actuators that the finger does not have do nothing.
+    #[must_use]
+    pub fn finger_parameters<const N: usize, const A: usize>(
         &self,
-        finger: &config::Finger<N>,
-    ) -> Result<FingerParameters<N>, NumberError> {
-        Ok(FingerParameters {
-            arms: finger.moment_arms()?,
+        finger: &config::Finger<N, A>,
+    ) -> FingerParameters<N, A> {
+        FingerParameters {
             joints: core::array::from_fn(|place| {
                 finger
                     .joints
@@ -115,39 +112,44 @@ impl PlantModel {
                     .map_or(self.nothing(), |joint| self.joint(joint))
             }),
             drives: core::array::from_fn(|place| {
-                let joint = finger.joints.get(place);
-                joint.map_or(Pair::both(self.drive(1.0, 1.0)), |joint| Pair {
-                    flexor: self.drive(joint.flexor.max_n, joint.flexor.actuator_hz),
-                    extensor: self.drive(joint.extensor.max_n, joint.extensor.actuator_hz),
+                let actuator = finger.actuators.get(place);
+                actuator.map_or(self.drive((0.0, 0.0), 1.0), |actuator| {
+                    self.drive(actuator.limits().command_range(), actuator.pole_hz)
                 })
             }),
-        })
+        }
     }
 
     /// Makes the simulation of a configured finger. It is at rest at the joint positions `q` (rad),
-    /// with the tensions with which its controller begins.
+    /// with the efforts with which its controller begins.
     ///
-    /// `mechanism` is the model of the simulated links; it may differ from the model in the
-    /// controller.
+    /// `mechanism` is the model of the simulated links, and `transmission` has the simulated actuators; they may differ
+    /// from those in the controller.
     ///
     /// # Errors
     /// [`NumberError`] for a number that no plant can have.
-    pub fn finger<M: Dynamics<N>, const N: usize>(
+    pub fn finger<M, T, const N: usize, const A: usize>(
         &self,
-        finger: &config::Finger<N>,
+        finger: &config::Finger<N, A>,
         mechanism: M,
+        transmission: T,
         q: nalgebra::SVector<f64, N>,
-    ) -> Result<SimFinger<M, N>, NumberError> {
-        let mut plant = SimFinger::new(mechanism, self.finger_parameters(finger)?, q)?;
-        plant.reset(q, finger.least_tensions())?;
+    ) -> Result<SimFinger<M, T, N, A>, NumberError>
+    where
+        M: Dynamics<N>,
+        T: Transmission<N, A>,
+    {
+        let parameters = self.finger_parameters(finger);
+        let mut plant = SimFinger::new(mechanism, transmission, parameters, q)?;
+        plant.reset(q, finger.efforts_at_rest())?;
         Ok(plant)
     }
 
     /// Returns the parameters of the simulation of a configured hand, except for its fingers.
     #[must_use]
-    pub fn hand_parameters<const F: usize, const N: usize>(
+    pub fn hand_parameters<const F: usize, const N: usize, const A: usize>(
         &self,
-        hand: &config::Hand<F, N>,
+        hand: &config::Hand<F, N, A>,
     ) -> HandParameters {
         let contact = hand.contact.as_ref();
         let surface = SimSurface {
@@ -210,7 +212,7 @@ impl PlantModel {
         SimTable::new(axes)
     }
 
-    fn joint<const N: usize>(&self, joint: &config::Joint<N>) -> JointParameters {
+    fn joint(&self, joint: &config::Joint) -> JointParameters {
         let mut friction = joint.friction;
         if friction.coulomb_rate == 0.0 {
             friction.coulomb_rate = 1e-3;
@@ -237,9 +239,10 @@ impl PlantModel {
         }
     }
 
-    fn drive(&self, max_n: f64, pole_hz: f64) -> SimDrive {
+    fn drive(&self, (low, high): (f64, f64), pole_hz: f64) -> SimDrive {
         SimDrive {
-            max_n,
+            low,
+            high,
             kind: (self.actuator)(pole_hz),
         }
     }

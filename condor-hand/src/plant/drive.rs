@@ -1,20 +1,22 @@
 use super::pneumatic::{Air, Pneumatic};
 use crate::math::{clamp, exp};
-use crate::number::{NumberError, positive};
+use crate::number::{NumberError, Requirement, check, finite, positive};
 
-/// A simulated actuator, which pulls one tendon.
+/// A simulated actuator, such as one that pulls a tendon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimDrive {
-    /// The tension of a full command, N; commands are limited to `0..=max_n`.
-    pub max_n: f64,
-    /// The response of the tension to the command.
+    /// The least effort, N or N m: 0 for one that can only pull. Commands are limited to `low..=high`.
+    pub low: f64,
+    /// The greatest effort, N or N m.
+    pub high: f64,
+    /// The response of the effort to the command.
     pub kind: DriveKind,
 }
 
-/// The model of a simulated actuator: how the tension of its tendon follows the command.
+/// The model of a simulated actuator: how its effort follows the command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveKind {
-    /// A first-order response, `f' = (command - f) / tau`, by Euler's forward method: the tension
+    /// A first-order response, `f' = (command - f) / tau`, by Euler's forward method: the effort
     /// before an update acts during the update, as in the filtered actuators of `MuJoCo`. Stable
     /// for steps below `2 tau`.
     Euler {
@@ -33,13 +35,15 @@ pub enum DriveKind {
 /// The state of a drive between two updates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum DriveState {
-    Tension(f64),
+    Effort(f64),
     Air(Air),
 }
 
 impl SimDrive {
     pub(super) fn check(&self) -> Result<(), NumberError> {
-        positive("the tension of a full command, N", self.max_n)?;
+        let range = Requirement::AtLeast(self.low);
+        finite("the least effort of a drive", self.low)?;
+        check("the greatest effort of a drive", self.high, range)?;
         match &self.kind {
             DriveKind::Euler { time_constant_s } | DriveKind::Exact { time_constant_s } => {
                 positive("the time constant of a drive, s", *time_constant_s)
@@ -48,29 +52,29 @@ impl SimDrive {
         }
     }
 
-    /// At rest at a tension.
-    pub(super) fn at(&self, tension: f64) -> DriveState {
+    /// At rest at an effort.
+    pub(super) fn at(&self, effort: f64) -> DriveState {
         match &self.kind {
-            DriveKind::Euler { .. } | DriveKind::Exact { .. } => DriveState::Tension(tension),
-            DriveKind::Pneumatic(pneumatic) => DriveState::Air(pneumatic.at(tension)),
+            DriveKind::Euler { .. } | DriveKind::Exact { .. } => DriveState::Effort(effort),
+            DriveKind::Pneumatic(pneumatic) => DriveState::Air(pneumatic.at(effort)),
         }
     }
 
-    /// One update of `dt` seconds, while the joints let the tendon in at `rate` (m/s); returns the tension that
+    /// One update of `dt` seconds, while the joints move it at `rate` (m/s or rad/s); returns the effort that
     /// acts on the joints during it.
     pub(super) fn update(&self, state: &mut DriveState, command: f64, rate: f64, dt: f64) -> f64 {
-        let command = clamp(command, 0.0, self.max_n);
+        let command = clamp(command, self.low, self.high);
         match (&self.kind, state) {
-            (DriveKind::Euler { time_constant_s }, DriveState::Tension(tension)) => {
-                let acting = *tension;
-                *tension += dt * (command - acting) / time_constant_s;
+            (DriveKind::Euler { time_constant_s }, DriveState::Effort(effort)) => {
+                let acting = *effort;
+                *effort += dt * (command - acting) / time_constant_s;
                 acting
             }
-            (DriveKind::Exact { time_constant_s }, DriveState::Tension(tension)) => {
+            (DriveKind::Exact { time_constant_s }, DriveState::Effort(effort)) => {
                 let ratio = dt / time_constant_s;
                 let gone = 1.0 - exp(-ratio);
-                let error = command - *tension;
-                *tension += error * gone;
+                let error = command - *effort;
+                *effort += error * gone;
                 command - error * gone / ratio
             }
             (DriveKind::Pneumatic(pneumatic), DriveState::Air(air)) => {

@@ -4,111 +4,108 @@ use super::check::all_finite;
 use super::drive::{DriveState, SimDrive};
 use super::joint::JointParameters;
 use crate::dynamics::Dynamics;
-use crate::math::abs;
-use crate::number::{NumberError, Requirement, Subject, not_negative, positive};
+use crate::math::{abs, clamp};
+use crate::number::{NumberError, Requirement, Subject, check, positive};
 use crate::servo::FingerReadings;
-use crate::tendon::{MomentArms, Pair, TendonPairs};
+use crate::transmission::{Linear, Transmission};
 
-/// The parameters of a [`SimFinger`], except for its mechanism.
+/// The parameters of a [`SimFinger`], except for its mechanism and its transmission.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerParameters<const N: usize> {
-    /// The moment arms of the tendons.
-    pub arms: MomentArms<N>,
+pub struct FingerParameters<const N: usize, const A: usize> {
     /// The parameters of the joints, proximal first.
     pub joints: [JointParameters; N],
-    /// The actuators of the tendons.
-    pub drives: TendonPairs<SimDrive, N>,
+    /// The actuators, in the order of the transmission.
+    pub drives: [SimDrive; A],
 }
 
-/// A simulated finger: a mechanism `M` of N joints that is pulled by 2 N tendons.
+/// A simulated finger: a mechanism `M` of N joints that A actuators move by a transmission `T`.
 ///
 /// ```
 /// # use condor_hand::config::Hand;
 /// use condor_hand::plant::PlantModel;
-/// use condor_hand::tendon::Pair;
 ///
 /// # let text = std::fs::read_to_string("hands/utah-mit.toml")?;
-/// # let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// # let hand = Hand::<4, 4, 8>::from_toml(&text, "utah-mit.toml")?;
 /// let index = &hand.fingers[0];
-/// let mut finger = PlantModel::default().finger(index, index.chain(), [0.0, 0.3, 0.4, 0.4].into())?;
-/// let pull = [Pair { flexor: 30.0, extensor: 10.0 }; 4]; // N
+/// let start = [0.0, 0.3, 0.4, 0.4].into(); // rad
+/// let mut finger = PlantModel::default().finger(index, index.chain(), index.transmission()?, start)?;
+/// let pull = [30.0, 10.0, 30.0, 10.0, 30.0, 10.0, 30.0, 10.0]; // N
 /// finger.step(1.0 / 400.0, 5, &pull, &hand.gravity.into())?;
 /// assert!(finger.qd()[1] > 0.0);
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct SimFinger<M, const N: usize> {
+pub struct SimFinger<M, T, const N: usize, const A: usize> {
     mechanism: M,
-    parameters: FingerParameters<N>,
+    transmission: T,
+    parameters: FingerParameters<N, A>,
     q: SVector<f64, N>,
     qd: SVector<f64, N>,
-    drives: TendonPairs<DriveState, N>,
-    tensions: TendonPairs<f64, N>,
+    drives: [DriveState; A],
+    efforts: [f64; A],
 }
 
-impl<M: Dynamics<N>, const N: usize> SimFinger<M, N> {
-    /// Makes a finger that is at rest at the joint positions `q` (rad), with zero tension in all
-    /// tendons. `mechanism` is the model of its links.
+impl<M, T, const N: usize, const A: usize> SimFinger<M, T, N, A>
+where
+    M: Dynamics<N>,
+    T: Transmission<N, A>,
+{
+    /// Makes a finger that is at rest at the joint positions `q` (rad), with the efforts of its
+    /// actuators that are nearest to zero. `mechanism` is the model of its links, and `transmission` has its actuators.
     ///
     /// # Errors
     /// [`NumberError`] for the first parameter that is wrong, or if the mass matrix is not positive
     /// definite at `q`.
     pub fn new(
         mechanism: M,
-        parameters: FingerParameters<N>,
+        transmission: T,
+        parameters: FingerParameters<N, A>,
         q: SVector<f64, N>,
     ) -> Result<Self, NumberError> {
         parameters
             .joints
             .iter()
             .try_for_each(JointParameters::check)?;
-        for pair in &parameters.drives {
-            pair.flexor.check()?;
-            pair.extensor.check()?;
-        }
-        let still = DriveState::Tension(0.0);
+        parameters.drives.iter().try_for_each(SimDrive::check)?;
         let mut finger = Self {
             mechanism,
+            transmission,
             parameters,
             q: SVector::zeros(),
             qd: SVector::zeros(),
-            drives: [Pair::both(still); N],
-            tensions: [Pair::both(0.0); N],
+            drives: [DriveState::Effort(0.0); A],
+            efforts: [0.0; A],
         };
-        finger.reset(q, [Pair::both(0.0); N])?;
+        let at_rest = finger.parameters.drives;
+        finger.reset(q, at_rest.map(|drive| clamp(0.0, drive.low, drive.high)))?;
         finger.accelerations(&Vector3::zeros(), &SVector::zeros(), &SVector::zeros())?;
         Ok(finger)
     }
 
-    /// Puts the finger at rest at the joint positions `q` (rad), with the constant tensions
-    /// `tensions` (N) in its tendons.
+    /// Puts the finger at rest at the joint positions `q` (rad), with constant efforts (N, or N m)
+    /// of its actuators.
     ///
     /// # Errors
-    /// [`NumberError`] if a position is not finite, or a tension is not finite or below zero; the
-    /// finger does not change then.
-    pub fn reset(
-        &mut self,
-        q: SVector<f64, N>,
-        tensions: TendonPairs<f64, N>,
-    ) -> Result<(), NumberError> {
+    /// [`NumberError`] if a position is not finite, or an effort is not one of its actuator; the finger does not change then.
+    pub fn reset(&mut self, q: SVector<f64, N>, efforts: [f64; A]) -> Result<(), NumberError> {
         all_finite("a joint position to begin from, rad", q.iter())?;
-        for pair in &tensions {
-            not_negative("a tension to begin from, N", pair.flexor)?;
-            not_negative("a tension to begin from, N", pair.extensor)?;
+        for (&effort, drive) in efforts.iter().zip(&self.parameters.drives) {
+            let above = Requirement::AtLeast(drive.low);
+            check("an effort to begin from", effort, above)?;
         }
         self.q = q;
         self.qd = SVector::zeros();
-        self.tensions = tensions;
-        let drives = self.parameters.drives.iter().zip(&tensions);
-        for (state, (drive, tension)) in self.drives.iter_mut().zip(drives) {
-            state.flexor = drive.flexor.at(tension.flexor);
-            state.extensor = drive.extensor.at(tension.extensor);
+        self.efforts = efforts;
+        self.transmission.set_position(&self.q);
+        let drives = self.parameters.drives.iter().zip(&efforts);
+        for (state, (drive, &effort)) in self.drives.iter_mut().zip(drives) {
+            *state = drive.at(effort);
         }
         Ok(())
     }
 
-    /// Simulates `dt` seconds in `updates` equal updates. `commands` (N) are the constant commands
-    /// of the actuators; a NaN counts as zero. `gravity` is in the axes of the palm, m/s², as in
+    /// Simulates `dt` seconds in `updates` equal updates. `commands` (N, or N m) are the constant
+    /// commands of the actuators; a NaN counts as zero. `gravity` is in the axes of the palm, m/s², as in
     /// [`Dynamics`].
     ///
     /// # Errors
@@ -118,7 +115,7 @@ impl<M: Dynamics<N>, const N: usize> SimFinger<M, N> {
         &mut self,
         dt: f64,
         updates: u32,
-        commands: &TendonPairs<f64, N>,
+        commands: &[f64; A],
         gravity: &Vector3<f64>,
     ) -> Result<(), NumberError> {
         let dt = dt / f64::from(updates.max(1));
@@ -129,7 +126,7 @@ impl<M: Dynamics<N>, const N: usize> SimFinger<M, N> {
     }
 
     /// Simulates one update of `dt` seconds, like [`step`](Self::step) with a single update.
-    /// `torque` (N m) acts on the joints in addition to the tendons, for example from contacts.
+    /// `torque` (N m) acts on the joints in addition to the actuators, for example from contacts.
     ///
     /// # Errors
     /// [`NumberError`] if `dt` is not above zero, the mass matrix is not positive definite, or the
@@ -137,19 +134,19 @@ impl<M: Dynamics<N>, const N: usize> SimFinger<M, N> {
     pub fn advance(
         &mut self,
         dt: f64,
-        commands: &TendonPairs<f64, N>,
+        commands: &[f64; A],
         gravity: &Vector3<f64>,
         torque: &SVector<f64, N>,
     ) -> Result<(), NumberError> {
         positive("the time of an update, s", dt)?;
-        let (drives, tensions) = self.pull(dt, commands);
-        let mut applied: SVector<f64, N> = self.parameters.arms.torque(&tensions) + torque;
+        let (drives, efforts) = self.drive(dt, commands);
+        let mut applied: SVector<f64, N> = self.linear().torque(&efforts) + torque;
         let mut armature = SVector::<f64, N>::zeros();
         for (joint, parameters) in self.parameters.joints.iter().enumerate() {
             let (Some(&q), Some(&qd)) = (self.q.get(joint), self.qd.get(joint)) else {
                 continue;
             };
-            let passive = parameters.passive(q, qd, self.load(joint, &tensions));
+            let passive = parameters.passive(q, qd, self.load(joint, &efforts));
             if let Some(applied) = applied.get_mut(joint) {
                 *applied += passive.torque;
             }
@@ -162,45 +159,39 @@ impl<M: Dynamics<N>, const N: usize> SimFinger<M, N> {
         let q = self.q + qd * dt;
         all_finite("the rate that a joint would have, rad/s", qd.iter())?;
         all_finite("the position that a joint would have, rad", q.iter())?;
-        for pair in &tensions {
-            all_finite("a tension, N", [&pair.flexor, &pair.extensor])?;
-        }
+        all_finite("an effort", efforts.iter())?;
         self.q = q;
         self.qd = qd;
         self.drives = drives;
-        self.tensions = tensions;
+        self.efforts = efforts;
+        self.transmission.set_position(&self.q);
         Ok(())
     }
 
-    /// The drives after an update, and the tensions that act during it.
-    fn pull(
-        &self,
-        dt: f64,
-        commands: &TendonPairs<f64, N>,
-    ) -> (TendonPairs<DriveState, N>, TendonPairs<f64, N>) {
-        let mut states = self.drives;
-        let mut tensions = [Pair::both(0.0); N];
-        // The rates at which the joints let the tendons in: the negative of those of their lengths.
-        let rates = self.parameters.arms.length_rates(&self.qd);
-        let inputs = self.parameters.drives.iter().zip(commands).zip(&rates);
-        let tendons = states.iter_mut().zip(&mut tensions).zip(inputs);
-        for ((state, tension), ((drive, command), rate)) in tendons {
-            let flexor = &mut state.flexor;
-            tension.flexor = (drive.flexor).update(flexor, command.flexor, -rate.flexor, dt);
-            let extensor = &mut state.extensor;
-            let (pull, rate) = (command.extensor, -rate.extensor);
-            tension.extensor = drive.extensor.update(extensor, pull, rate, dt);
+    /// The drives after an update, and the efforts that act during it.
+    fn drive(&self, dt: f64, commands: &[f64; A]) -> ([DriveState; A], [f64; A]) {
+        let (mut states, mut efforts) = (self.drives, *commands);
+        let rates = self.linear().actuators(&self.qd);
+        let drives = self.parameters.drives.iter().zip(&mut states);
+        for ((effort, rate), (drive, state)) in efforts.iter_mut().zip(rates).zip(drives) {
+            *effort = drive.update(state, *effort, rate, dt);
         }
-        (states, tensions)
+        (states, efforts)
     }
 
-    /// The torques of a joint's own tendons without their signs, N m.
-    fn load(&self, joint: usize, tensions: &TendonPairs<f64, N>) -> f64 {
-        let row = self.parameters.arms.rows().get(joint);
-        let arm = row.and_then(|row| row.get(joint));
-        arm.zip(tensions.get(joint)).map_or(0.0, |(arm, tension)| {
-            abs(arm.flexor) * tension.flexor + abs(arm.extensor) * tension.extensor
+    /// The torques of the efforts at a joint without their signs, N m.
+    fn load(&self, joint: usize, efforts: &[f64; A]) -> f64 {
+        let columns = self.linear().arms().iter().zip(efforts);
+        columns.fold(0.0, |sum, (arms, effort)| {
+            let arm = arms.get(joint).copied().unwrap_or(0.0);
+            sum + abs(arm * effort)
         })
+    }
+
+    /// Returns the arms of the actuators at the present posture.
+    #[must_use]
+    pub fn linear(&self) -> &Linear<N, A> {
+        self.transmission.linear()
     }
 
     fn accelerations(
@@ -224,7 +215,7 @@ impl<M: Dynamics<N>, const N: usize> SimFinger<M, N> {
     }
 }
 
-impl<M, const N: usize> SimFinger<M, N> {
+impl<M, T, const N: usize, const A: usize> SimFinger<M, T, N, A> {
     /// Returns the present positions of the finger's joints, rad.
     #[must_use]
     pub fn q(&self) -> &SVector<f64, N> {
@@ -237,20 +228,20 @@ impl<M, const N: usize> SimFinger<M, N> {
         &self.qd
     }
 
-    /// Returns the tensions of the tendons during the last update, N, as sensors in the tendons
-    /// would measure them.
+    /// Returns the efforts of the actuators during the last update, N or N m, as sensors would measure
+    /// them.
     #[must_use]
-    pub fn tensions(&self) -> &TendonPairs<f64, N> {
-        &self.tensions
+    pub fn efforts(&self) -> &[f64; A] {
+        &self.efforts
     }
 
     /// Returns the readings of exact sensors of the finger. The reading of the tactile sensor is
     /// zero.
     #[must_use]
-    pub fn readings(&self) -> FingerReadings<N> {
+    pub fn readings(&self) -> FingerReadings<N, A> {
         FingerReadings {
             position: self.q,
-            tension: self.tensions,
+            effort: self.efforts,
             touch: 0.0,
         }
     }
@@ -263,7 +254,7 @@ impl<M, const N: usize> SimFinger<M, N> {
 
     /// Returns the parameters of the finger that were passed to [`new`](Self::new).
     #[must_use]
-    pub fn parameters(&self) -> &FingerParameters<N> {
+    pub fn parameters(&self) -> &FingerParameters<N, A> {
         &self.parameters
     }
 }

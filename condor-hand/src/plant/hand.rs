@@ -9,7 +9,7 @@ use crate::dynamics::Dynamics;
 use crate::grasp::Wrench;
 use crate::kinematics::Kinematics;
 use crate::number::{NumberError, Requirement, Subject, count, not_negative, positive};
-use crate::tendon::TendonPairs;
+use crate::transmission::Transmission;
 
 /// The parameters of a [`SimHand`], except for its fingers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,9 +29,9 @@ pub struct HandParameters {
 /// A simulated hand of F fingers of N joints. Optionally it has an object that the fingertips can
 /// touch, and a table that carries the palm.
 #[derive(Clone, Copy, Debug)]
-pub struct SimHand<M, const F: usize, const N: usize> {
+pub struct SimHand<M, T, const F: usize, const N: usize, const A: usize> {
     parameters: HandParameters,
-    fingers: [SimFinger<M, N>; F],
+    fingers: [SimFinger<M, T, N, A>; F],
     tips: [Tip; F],
     object: Option<SimObject>,
     disturbance: Wrench,
@@ -47,16 +47,17 @@ struct Tip {
     disturbance: Wrench,
 }
 
-impl<M, const F: usize, const N: usize> SimHand<M, F, N>
+impl<M, T, const F: usize, const N: usize, const A: usize> SimHand<M, T, F, N, A>
 where
     M: Kinematics<N> + Dynamics<N>,
+    T: Transmission<N, A>,
 {
     /// Makes a hand without an object, on a palm that does not move.
     ///
     /// # Errors
     /// [`NumberError`] for the first parameter that is wrong.
     pub fn new(
-        fingers: [SimFinger<M, N>; F],
+        fingers: [SimFinger<M, T, N, A>; F],
         parameters: HandParameters,
     ) -> Result<Self, NumberError> {
         positive("the time of a step, s", parameters.period_s)?;
@@ -94,14 +95,14 @@ where
         self
     }
 
-    /// Simulates one period of [`HandParameters::period_s`]. `commands` (N) are the constant
+    /// Simulates one period of [`HandParameters::period_s`]. `commands` (N, or N m) are the constant
     /// commands of the actuators of all fingers; a NaN counts as zero.
     ///
     /// # Errors
     /// [`NumberError`] if a new state would not be finite, or a mass matrix is not positive
     /// definite. A part that could not move keeps its state, so every state is finite; the parts of
     /// the hand may then be some updates apart.
-    pub fn step(&mut self, commands: &[TendonPairs<f64, N>; F]) -> Result<(), NumberError> {
+    pub fn step(&mut self, commands: &[[f64; A]; F]) -> Result<(), NumberError> {
         let dt = self.parameters.period_s / f64::from(self.parameters.updates);
         for _ in 0..self.parameters.updates {
             self.advance(dt, commands)?;
@@ -110,7 +111,7 @@ where
         Ok(())
     }
 
-    fn advance(&mut self, dt: f64, commands: &[TendonPairs<f64, N>; F]) -> Result<(), NumberError> {
+    fn advance(&mut self, dt: f64, commands: &[[f64; A]; F]) -> Result<(), NumberError> {
         let mut gravity = self.parameters.gravity;
         if let Some(table) = &mut self.table {
             table.advance(dt, &self.table_forces)?;
@@ -192,15 +193,15 @@ where
     }
 }
 
-impl<M, const F: usize, const N: usize> SimHand<M, F, N> {
+impl<M, T, const F: usize, const N: usize, const A: usize> SimHand<M, T, F, N, A> {
     /// Returns the simulated fingers, for example to read their joint positions.
     #[must_use]
-    pub fn fingers(&self) -> &[SimFinger<M, N>; F] {
+    pub fn fingers(&self) -> &[SimFinger<M, T, N, A>; F] {
         &self.fingers
     }
 
     /// Returns the simulated fingers for changes, for example to reset one.
-    pub fn fingers_mut(&mut self) -> &mut [SimFinger<M, N>; F] {
+    pub fn fingers_mut(&mut self) -> &mut [SimFinger<M, T, N, A>; F] {
         &mut self.fingers
     }
 

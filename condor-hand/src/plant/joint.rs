@@ -3,12 +3,12 @@ use crate::config::JointFriction;
 use crate::math::tanh;
 use crate::number::{NumberError, finite, not_negative, positive};
 
-/// The parameters of a simulated joint, except for its tendons and bodies. Units are those of a
+/// The parameters of a simulated joint, except for its actuators and bodies. Units are those of a
 /// rotating joint; for a sliding joint read m for rad and N for N m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointParameters {
     /// The inertia of its drive, and its friction. Coulomb friction is `coulomb tanh(rate / coulomb_rate)`, where
-    /// `coulomb` includes that of the joint's own tendons.
+    /// `coulomb` includes that of the tendons that cross the joint.
     pub friction: JointFriction,
     /// The stiffness of a spring to `rest`, N m/rad.
     pub stiffness: f64,
@@ -55,7 +55,7 @@ impl JointParameters {
         self.stop.check()
     }
 
-    /// Returns the torques of springs, friction and stops; `load` is the pull of the joint's own tendons, N m.
+    /// Returns the torques of springs, friction and stops; `load` is the pull of the tendons that cross the joint, N m.
     pub(super) fn passive(&self, q: f64, qd: f64, load: f64) -> Passive {
         let friction = &self.friction;
         let mut passive = Passive {

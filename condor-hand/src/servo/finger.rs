@@ -3,10 +3,10 @@ use nalgebra::{SVector, Vector3};
 use super::impedance::least_inertias;
 use super::joint::{Felt, JointServo};
 use super::readings::Readings;
-use super::transition::Transition;
+use super::transition::{Mean, Transition};
 use super::{
-    FingerSettings, JointCutoffs, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal,
-    SoftStop,
+    EffortGains, EffortServos, FingerSettings, JointCutoffs, JointGains, JointTarget, PositionLaw,
+    ServoMode, ServoRefusal, SoftStop,
 };
 use crate::Subject;
 use crate::control::elapsed::Elapsed;
@@ -14,16 +14,16 @@ use crate::control::{Derivative, LowPass};
 use crate::dynamics::{DriveDynamics, Dynamics};
 use crate::math::is_finite;
 use crate::number::{NumberError, Requirement, count, positive};
-use crate::tendon::{MomentArms, Pair, TendonPairs};
 use crate::trajectory::SetPoint;
+use crate::transmission::{EffortLimits, Linear, Transmission};
 
 /// The readings of all sensors of a finger in one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerReadings<const N: usize> {
+pub struct FingerReadings<const N: usize, const A: usize> {
     /// Positions of the joints, rad.
     pub position: SVector<f64, N>,
-    /// Tensions of the tendons, N.
-    pub tension: TendonPairs<f64, N>,
+    /// Efforts of the actuators, N or N m; anything for one without a sensor.
+    pub effort: [f64; A],
     /// The force along the normal at the fingertip, N; zero without a tactile sensor.
     pub touch: f64,
 }
@@ -31,38 +31,42 @@ pub struct FingerReadings<const N: usize> {
 /// The result of one tick of a [`FingerServo`]: the commands for the actuators, and the values from
 /// which they were computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ServoOutput<const N: usize> {
-    /// The commands of the actuators, N, from 0 to the greatest tension of each tendon.
-    pub command: TendonPairs<f64, N>,
-    /// The desired tensions, N.
-    pub tension: TendonPairs<f64, N>,
-    /// The torques of those tensions, N m.
+pub struct ServoOutput<const N: usize, const A: usize> {
+    /// The commands of the actuators, N or N m.
+    pub command: [f64; A],
+    /// The desired efforts, N or N m.
+    pub effort: [f64; A],
+    /// The torques of those efforts, N m.
     pub torque: SVector<f64, N>,
     /// The positions that the laws have used, rad.
     pub position: SVector<f64, N>,
     /// The rates of the joints that the laws have used, rad/s.
     pub velocity: SVector<f64, N>,
-    /// A bit for each joint whose tendons cannot give the torque that it needs.
+    /// A bit for each joint whose actuators cannot give the torque that it needs.
     pub saturated: u32,
     /// A bit for each joint whose reading was invalid or implausible. The laws have used the
     /// position to which its last rate led.
     pub lost: u32,
 }
 
-/// The servos of the joints and tendons of one finger.
+/// The servos of the joints and actuators of one finger.
 ///
 /// Call [`tick`](Self::tick) once per period with the sensor readings; it returns the actuator
-/// commands. A tension reading that is not finite is replaced by the last finite one, or by the
-/// least tension if there was none. If the position of a joint is not finite, or implausibly far
+/// commands. An effort reading that is not finite is replaced by the last finite one, or by the
+/// effort at rest if there was none. If the position of a joint is not finite, or implausibly far
 /// from where its rate leads, the joint continues at that rate; this is acceptable for some ticks,
 /// after which the caller must give up. A joint whose position was never read does not hold or
 /// follow positions.
 #[derive(Clone, Debug)]
-pub struct FingerServo<M, const N: usize> {
+pub struct FingerServo<M, T, const N: usize, const A: usize> {
     mechanism: M,
-    arms: MomentArms<N>,
+    transmission: T,
     drive: DriveDynamics<N>,
     joints: [JointServo; N],
+    actuators: EffortServos<A>,
+    effort_filters: LowPass<A>,
+    /// Actuators whose effort a sensor measures.
+    sensed: [bool; A],
     position_filters: LowPass<N>,
     velocities: Derivative<N>,
     sample_hz: f64,
@@ -71,23 +75,31 @@ pub struct FingerServo<M, const N: usize> {
     changed: bool,
     /// Joints that hold what they have in another mode from the next tick on.
     holds: [Option<ServoMode>; N],
-    /// The tensions of the last tick, N.
-    desired: TendonPairs<f64, N>,
-    transition: Transition<N>,
-    /// The last tensions that were finite, N.
-    last: TendonPairs<f64, N>,
+    /// The efforts of the actuators of joints in [`ServoMode::Effort`], N or N m.
+    given: [f64; A],
+    /// The efforts of the last tick, N or N m.
+    desired: [f64; A],
+    /// The means of the desired efforts in the present modes.
+    means: [Mean; A],
+    transition: Transition<A>,
+    /// The last readings of efforts that were finite, N or N m.
+    last: [f64; A],
 }
 
-impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
+impl<M, T, const N: usize, const A: usize> FingerServo<M, T, N, A>
+where
+    M: Dynamics<N>,
+    T: Transmission<N, A>,
+{
     /// Makes the servos of a finger whose joints are all off. `mechanism` is the model of the
-    /// finger's links, and `arms` are the moment arms of its tendons.
+    /// finger's links, and `transmission` has its actuators.
     ///
     /// # Errors
     /// [`NumberError`] for the first setting that no finger can have.
     pub fn new(
         mechanism: M,
-        arms: MomentArms<N>,
-        settings: &FingerSettings<N>,
+        transmission: T,
+        settings: &FingerSettings<N, A>,
     ) -> Result<Self, NumberError> {
         const { assert!(N > 0 && N <= 32, "a finger has 1 to 32 joints") };
         positive("the number of ticks in a second", settings.sample_hz)?;
@@ -95,12 +107,12 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         let sample_hz = settings.sample_hz;
         let mut joints = heapless::Vec::<_, N>::new();
         let inertias = least_inertias(&mechanism, settings);
-        let all = settings.joints.iter().zip(arms.limits()).zip(inertias);
-        for (joint, ((of_joint, limits), inertia)) in all.enumerate() {
-            let torque = arms.torque_range(joint);
+        let linear = transmission.linear();
+        let all = settings.joints.iter().zip(inertias);
+        for (joint, (of_joint, inertia)) in all.enumerate() {
+            let torque = linear.torque_range(joint);
             let wrong = |error: NumberError| error.at(Subject::Joint(joint as u16));
-            let servo =
-                JointServo::new(of_joint, torque, &limits, inertia, sample_hz).map_err(wrong)?;
+            let servo = JointServo::new(of_joint, torque, inertia).map_err(wrong)?;
             LowPass::new([of_joint.position_cutoff_hz], sample_hz).map_err(wrong)?;
             Derivative::new([of_joint.velocity_cutoff_hz], sample_hz).map_err(wrong)?;
             // There is room for N.
@@ -117,19 +129,31 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         };
         let position_cutoffs_hz = settings.joints.map(|joint| joint.position_cutoff_hz);
         let velocity_cutoffs_hz = settings.joints.map(|joint| joint.velocity_cutoff_hz);
-        let desired = arms.at_rest();
+        for (actuator, settings) in settings.actuators.iter().enumerate() {
+            LowPass::new([settings.cutoff_hz], sample_hz)
+                .map_err(|error| error.at(Subject::Actuator(actuator as u16)))?;
+        }
+        let gains = settings.actuators.map(|actuator| actuator.gains);
+        let effort_cutoffs_hz = settings.actuators.map(|actuator| actuator.cutoff_hz);
+        let actuators = EffortServos::new(gains, linear.limits(), sample_hz)?;
+        let desired = linear.at_rest();
         Ok(Self {
             mechanism,
-            arms,
+            transmission,
             drive: settings.drive,
             joints,
+            actuators,
+            effort_filters: LowPass::new(effort_cutoffs_hz, sample_hz)?,
+            sensed: settings.actuators.map(|actuator| actuator.is_sensed),
             position_filters: LowPass::new(position_cutoffs_hz, sample_hz)?,
             velocities: Derivative::new(velocity_cutoffs_hz, sample_hz)?,
             sample_hz,
             readings: Readings::new(&settings.joints),
             changed: false,
             holds: [None; N],
+            given: desired,
             desired,
+            means: [Mean::new(); A],
             transition: Transition::new(settings.transition_s * settings.sample_hz),
             last: desired,
         })
@@ -141,10 +165,16 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         &self.mechanism
     }
 
-    /// Returns the moment arms of the finger's tendons.
+    /// Returns the arms of the finger's actuators at the present posture, and the limits of their efforts.
+    #[inline(always)]
     #[must_use]
-    pub fn arms(&self) -> &MomentArms<N> {
-        &self.arms
+    pub fn linear(&self) -> &Linear<N, A> {
+        self.transmission.linear()
+    }
+
+    /// Returns true for an actuator whose effort a sensor measures.
+    pub(crate) const fn sensed(&self) -> &[bool; A] {
+        &self.sensed
     }
 
     /// Returns the present target of a joint; `None` for a joint that the finger does not have.
@@ -165,7 +195,7 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
     ///
     /// # Errors
     /// After an error the joint keeps its target. Returns [`ServoRefusal::NoJoint`] if the finger does not have
-    /// the joint; [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its tendons;
+    /// the joint; [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its actuators;
     /// [`ServoRefusal::Rate`] if its velocity or acceleration is not finite.
     pub fn set_target(&mut self, joint: usize, target: JointTarget) -> Result<(), ServoRefusal> {
         let servo = self
@@ -174,11 +204,74 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
             .ok_or(ServoRefusal::no_joint(joint, N))?;
         servo.check(joint, &target)?;
         self.changed |= target.mode() != servo.target.mode();
-        servo.take(servo.between_stops(target));
+        let target = servo.between_stops(target);
+        self.take(joint, target);
         if let Some(hold) = self.holds.get_mut(joint) {
             *hold = None;
         }
         Ok(())
+    }
+
+    /// Sets the effort of an actuator (N, or N m), and switches its joint to [`ServoMode::Effort`], from the next tick
+    /// on. The other actuators of the joint keep the efforts that they have.
+    ///
+    /// # Errors
+    /// Returns [`ServoRefusal::NoActuator`] if the finger does not have the actuator; [`ServoRefusal::Effort`] if the
+    /// effort is beyond its limits.
+    pub fn set_effort(&mut self, actuator: usize, effort: f64) -> Result<(), ServoRefusal> {
+        let joint = (self.linear().joint_of(actuator))
+            .ok_or(ServoRefusal::no_actuator(actuator, self.actuators()))?;
+        if let Some(&EffortLimits { low, high, .. }) = self.linear().limits().get(actuator)
+            && !(low <= effort && effort <= high)
+        {
+            return Err(ServoRefusal::Effort {
+                actuator: actuator as u32,
+                value: effort,
+                low,
+                high,
+            });
+        }
+        self.set_target(joint, JointTarget::Effort)?;
+        if let Some(given) = self.given.get_mut(actuator) {
+            *given = effort;
+        }
+        Ok(())
+    }
+
+    /// Returns the number of actuators: all but those at the end that move nothing.
+    fn actuators(&self) -> usize {
+        let moves = |actuator: &usize| self.linear().joint_of(*actuator).is_some();
+        (0..A).rev().find(moves).map_or(0, |last| last + 1)
+    }
+
+    /// A joint takes a target that was checked.
+    fn take(&mut self, joint: usize, target: JointTarget) {
+        let Some(servo) = self.joints.get_mut(joint) else {
+            return;
+        };
+        let is_new = servo.target.mode() != target.mode();
+        let begins = servo.take(target);
+        if !begins {
+            return;
+        }
+        let limits = *self.linear().limits();
+        for (actuator, limits) in limits.iter().enumerate() {
+            let arms = self.linear().arms().get(actuator);
+            let arm = arms.and_then(|arms| arms.get(joint));
+            if arm.is_none_or(|&arm| arm == 0.0) {
+                continue;
+            }
+            let is_own = self.linear().joint_of(actuator) == Some(joint);
+            let of_each = (self.means.get_mut(actuator), self.given.get_mut(actuator));
+            let (Some(mean), Some(given)) = of_each else {
+                continue;
+            };
+            if is_own && is_new && target == JointTarget::Effort {
+                let kept = self.desired.get(actuator).copied().unwrap_or(0.0);
+                *given = limits.clamp(mean.effort().unwrap_or(kept));
+            }
+            *mean = Mean::new();
+        }
     }
 
     /// The next set-point of a joint that follows positions; one that it cannot have is refused.
@@ -195,7 +288,7 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
     }
 
     /// Switches a joint to another mode, from the next tick on. In it the joint first keeps its present position, or
-    /// its [mean](crate::servo#changes-of-mode) torque or tensions. If the joint is in that mode already, it keeps its
+    /// its [mean](crate::servo#changes-of-mode) torque or efforts. If the joint is in that mode already, it keeps its
     /// target.
     ///
     /// # Errors
@@ -209,30 +302,42 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
     }
 
     /// Switches all joints off at once, as in a new finger, but keeps their gains. The next tick
-    /// commands the least tensions, without a transition. Use this only after the actuators have
-    /// been brought to the least tensions in another way.
+    /// commands the efforts at rest, without a transition. Use this only after the actuators have
+    /// been brought to rest in another way.
     pub fn rest(&mut self) {
         for servo in &mut self.joints {
             servo.rest();
         }
+        self.actuators.reset();
+        self.means = [Mean::new(); A];
         self.holds = [None; N];
         self.changed = false;
         self.transition.end();
-        self.desired = self.arms.at_rest();
+        self.desired = self.linear().at_rest();
     }
 
-    /// The tensions with which joints that go by positions get these torques (N m), and all others what
-    /// they have.
-    pub(crate) fn still(
-        &self,
-        has: &TendonPairs<f64, N>,
-        torque: &SVector<f64, N>,
-    ) -> TendonPairs<f64, N> {
-        let given = core::array::from_fn(|joint| match self.target(joint)? {
-            JointTarget::Position(_) | JointTarget::Impedance { .. } => None,
-            _ => has.get(joint).copied(),
-        });
-        self.arms.allocate_around(torque, &given).tensions
+    /// The efforts with which joints that go by positions get these torques (N m), and all others keep the torques of
+    /// the efforts that they have (N, or N m).
+    pub(crate) fn still(&self, has: &[f64; A], torque: &SVector<f64, N>) -> [f64; A] {
+        let linear = self.linear();
+        let follows = |joint: usize| {
+            let target = self.joints.get(joint).map(|servo| servo.target);
+            let (goes, springs) = (ServoMode::Position, ServoMode::Impedance);
+            target.is_some_and(|target| target.mode() == goes || target.mode() == springs)
+        };
+        let mut wanted = linear.torque(has);
+        for (joint, (wanted, torque)) in wanted.iter_mut().zip(torque).enumerate() {
+            if follows(joint) {
+                *wanted = *torque;
+            }
+        }
+        let mut limits = *linear.limits();
+        for (actuator, (limits, has)) in limits.iter_mut().zip(has).enumerate() {
+            if !linear.joint_of(actuator).is_some_and(follows) {
+                limits.bias = limits.clamp(*has);
+            }
+        }
+        linear.efforts_within(&wanted, u32::MAX, &limits).effort
     }
 
     /// The positions, rad, that the next tick would go by, so many seconds after the last one, if no sensor
@@ -271,6 +376,49 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         self.joints.get(joint).map(|servo| &servo.gains)
     }
 
+    /// Returns the present gains of an actuator; `None` for an actuator that the finger does not have.
+    #[must_use]
+    pub fn effort_gains(&self, actuator: usize) -> Option<&EffortGains> {
+        self.linear().joint_of(actuator)?;
+        self.actuators.gains().get(actuator)
+    }
+
+    /// Changes all gains of an actuator at once, from the next tick on.
+    ///
+    /// # Errors
+    /// [`ServoRefusal::NoActuator`] if the finger does not have the actuator; [`ServoRefusal::Gain`] if no actuator can
+    /// have these gains. The actuator keeps its gains then.
+    pub fn set_effort_gains(
+        &mut self,
+        actuator: usize,
+        gains: &EffortGains,
+    ) -> Result<(), ServoRefusal> {
+        if self.effort_gains(actuator).is_none() {
+            return Err(ServoRefusal::no_actuator(actuator, self.actuators()));
+        }
+        let mut all = *self.actuators.gains();
+        if let Some(place) = all.get_mut(actuator) {
+            *place = *gains;
+        }
+        self.actuators
+            .set_gains(all)
+            .map_err(|error| error.at(Subject::Actuator(actuator as u16)))?;
+        self.changed = true;
+        Ok(())
+    }
+
+    /// Changes the filter of the measured effort of an actuator, Hz, from the next tick on.
+    pub(crate) fn set_effort_cutoff(
+        &mut self,
+        actuator: usize,
+        cutoff_hz: Option<f64>,
+    ) -> Result<(), NumberError> {
+        self.effort_filters
+            .set_cutoff(actuator, cutoff_hz, self.sample_hz)?;
+        self.changed = true;
+        Ok(())
+    }
+
     /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
@@ -300,14 +448,10 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
             return Ok(());
         };
         let sample_hz = self.sample_hz;
-        let mut tensions = servo.tension_filter;
-        tensions.set_cutoff(0, cutoffs_hz.tension.flexor, sample_hz)?;
-        tensions.set_cutoff(1, cutoffs_hz.tension.extensor, sample_hz)?;
         let (mut positions, mut velocities) = (self.position_filters, self.velocities);
         positions.set_cutoff(joint, cutoffs_hz.position, sample_hz)?;
         velocities.set_cutoff(joint, cutoffs_hz.velocity)?;
         servo.set_stop(stop)?;
-        servo.tension_filter = tensions;
         (self.position_filters, self.velocities) = (positions, velocities);
         self.changed = true;
         Ok(())
@@ -322,10 +466,10 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
     #[inline]
     pub fn tick(
         &mut self,
-        sensed: &FingerReadings<N>,
+        sensed: &FingerReadings<N, A>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> ServoOutput<N> {
+    ) -> ServoOutput<N, A> {
         self.tick_after(sensed, gravity, Elapsed::new(period_s, self.sample_hz))
     }
 
@@ -333,52 +477,100 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
     #[inline(always)]
     pub(crate) fn tick_after(
         &mut self,
-        sensed: &FingerReadings<N>,
+        sensed: &FingerReadings<N, A>,
         gravity: &Vector3<f64>,
         elapsed: Elapsed,
-    ) -> ServoOutput<N> {
+    ) -> ServoOutput<N, A> {
         let (position, velocity) = self.sense_positions(&sensed.position, elapsed);
-        let tension = self.sense_tensions(&sensed.tension);
+        self.transmission.set_position(&position);
+        if self.transmission.changes() {
+            let linear = self.transmission.linear();
+            for (joint, servo) in self.joints.iter_mut().enumerate() {
+                servo.set_torque_range(linear.torque_range(joint));
+            }
+        }
+        let measured = self.sense_efforts(&sensed.effort);
         let kept = self.take_holds(&position, &velocity, gravity);
         let part = self.transition.part();
         for servo in &mut self.joints {
             servo.go_on(part * elapsed.periods);
         }
 
-        let torque = self.torques(&position, &velocity, &tension, gravity, elapsed.seconds);
-        let given = core::array::from_fn(|joint| self.joints.get(joint)?.given_tensions());
-        let allocated = self.arms.allocate_around(&torque, &given);
-        let before = core::mem::replace(&mut self.desired, allocated.tensions);
+        let torque = self.torques(&position, &velocity, &measured, gravity, elapsed.seconds);
+        let (joints, limits) = self.asked();
+        let linear = self.transmission.linear();
+        let allocated = linear.efforts_within(&torque, joints, &limits);
+        let before = core::mem::replace(&mut self.desired, allocated.effort);
         if core::mem::take(&mut self.changed) {
             let kept = kept.as_ref().unwrap_or(&before);
             self.transition.begin(&before, kept, &self.desired);
         }
         self.transition
-            .smooth(&mut self.desired, &self.arms, elapsed.periods);
+            .smooth(&mut self.desired, linear.limits(), elapsed.periods);
 
-        let rates = self.arms.length_rates(&velocity);
-        let mut command = self.desired;
-        for (((command, servo), measured), rate) in command
-            .iter_mut()
-            .zip(&mut self.joints)
-            .zip(&tension)
-            .zip(&rates)
-        {
-            servo.mean.add(*command, part);
-            let (desired, measured, rate) = (command.lanes(), measured.lanes(), rate.lanes());
-            let tendons = &mut servo.tendons;
-            let [flexor, extensor] = tendons.update_after(&desired, &measured, &rate, elapsed);
-            *command = Pair { flexor, extensor };
+        let rates = linear.actuators(&velocity);
+        let mut felt = measured;
+        let all = self.means.iter_mut().zip(&self.desired).zip(&mut felt);
+        for (((mean, desired), felt), is_sensed) in all.zip(&self.sensed) {
+            mean.add(*desired, part);
+            if !is_sensed {
+                *felt = f64::NAN;
+            }
         }
+        let command = self
+            .actuators
+            .update_after(&self.desired, &felt, &rates, elapsed);
         ServoOutput {
             command,
-            tension: self.desired,
-            torque: self.arms.torque(&self.desired),
+            effort: self.desired,
+            torque: linear.torque(&self.desired),
             position,
             velocity,
-            saturated: allocated.saturated,
+            saturated: allocated.saturated & self.active(),
             lost: self.readings.lost,
         }
+    }
+
+    /// The joints whose laws ask for torques, a bit each.
+    #[inline(always)]
+    fn active(&self) -> u32 {
+        let mut active = 0;
+        for (joint, servo) in self.joints.iter().enumerate() {
+            active |= u32::from(servo.is_active()) << joint;
+        }
+        active
+    }
+
+    /// The joints whose torques count in this tick, a bit each, and the limits of the efforts in their modes.
+    ///
+    /// The actuators of joints in [`ServoMode::Effort`] have the efforts that are given. Those of a joint that is off are
+    /// at rest if all are, and otherwise prefer that.
+    #[inline(always)]
+    fn asked(&self) -> (u32, [EffortLimits; A]) {
+        let (mut asked, active) = (u32::MAX, self.active());
+        let linear = self.transmission.linear();
+        let mut limits = *linear.limits();
+        if active == u32::MAX >> (32 - N) {
+            return (asked, limits);
+        }
+        for (joint, servo) in self.joints.iter().enumerate() {
+            if servo.target == JointTarget::Effort || active == 0 {
+                asked &= !(1 << joint);
+            }
+        }
+        for (actuator, (limits, &given)) in limits.iter_mut().zip(&self.given).enumerate() {
+            let joint = linear.joint_of(actuator);
+            let servo = joint.and_then(|joint| self.joints.get(joint));
+            match servo.map(|servo| servo.target) {
+                Some(JointTarget::Effort) => *limits = EffortLimits::fixed(given),
+                Some(JointTarget::Off) if active == 0 => {
+                    *limits = EffortLimits::fixed(limits.at_rest());
+                }
+                Some(JointTarget::Off) => limits.bias = limits.at_rest(),
+                _ => {}
+            }
+        }
+        (asked, limits)
     }
 
     /// Returns the filtered positions that the sensors measure, and their rates.
@@ -412,64 +604,64 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         (positions.into(), velocities.into())
     }
 
-    /// The tensions that the sensors say, filtered.
-    fn sense_tensions(&mut self, sensed: &TendonPairs<f64, N>) -> TendonPairs<f64, N> {
-        let mut tensions = *sensed;
-        for ((servo, tension), last) in self
-            .joints
-            .iter_mut()
-            .zip(&mut tensions)
-            .zip(&mut self.last)
-        {
-            keep(tension.flexor, &mut last.flexor);
-            keep(tension.extensor, &mut last.extensor);
-            let [flexor, extensor] = servo.tension_filter.update(&last.lanes());
-            *tension = Pair { flexor, extensor };
+    /// The efforts that the sensors say, filtered. Without a sensor it is the desired one.
+    fn sense_efforts(&mut self, sensed: &[f64; A]) -> [f64; A] {
+        let inputs = sensed.iter().zip(&self.desired).zip(&self.sensed);
+        for (last, ((&sensed, &desired), &is_sensed)) in self.last.iter_mut().zip(inputs) {
+            if !is_sensed {
+                *last = desired;
+            } else if is_finite(sensed) {
+                *last = sensed;
+            }
         }
-        tensions
+        self.effort_filters.update_seen(&self.last, &self.sensed)
     }
 
-    /// Joints that change their mode take over what they have. Returns the tensions, N, from which the finger goes
-    /// on then: the last ones, or the means where a joint keeps its tensions or torque; `None` if no joint does.
+    /// Joints that change their mode take over what they have. Returns the efforts, N or N m, from which the finger goes
+    /// on then: the last ones, or the means where a joint keeps its efforts or torque; `None` if no joint does.
     fn take_holds(
         &mut self,
         position: &SVector<f64, N>,
         velocity: &SVector<f64, N>,
         gravity: &Vector3<f64>,
-    ) -> Option<TendonPairs<f64, N>> {
+    ) -> Option<[f64; A]> {
         if self.holds.iter().all(Option::is_none) {
             return None;
         }
         let mut means = self.desired;
-        for (mean, servo) in means.iter_mut().zip(&self.joints) {
-            if servo.given_tensions().is_none() {
-                *mean = servo.mean.tension().unwrap_or(*mean);
+        for (actuator, (effort, mean)) in means.iter_mut().zip(&self.means).enumerate() {
+            let joint = self.linear().joint_of(actuator);
+            let servo = joint.and_then(|joint| self.joints.get(joint));
+            if servo.is_some_and(JointServo::is_active) {
+                *effort = mean.effort().unwrap_or(*effort);
             }
         }
-        let torque = self.arms.torque(&means);
+        let torque = self.linear().torque(&means);
         let loads =
             self.mechanism.gravity_torque(position, gravity) + self.stops(position, velocity);
-        let mut kept = self.desired;
-        for ((((((servo, hold), &position), &mean), kept), &torque), &loads) in self
-            .joints
-            .iter_mut()
-            .zip(&mut self.holds)
-            .zip(position)
-            .zip(&means)
-            .zip(&mut kept)
-            .zip(&torque)
-            .zip(&loads)
-        {
+        let mut keeps = 0_u32;
+        for joint in 0..N {
+            let (Some(servo), Some(hold)) = (self.joints.get(joint), self.holds.get_mut(joint))
+            else {
+                continue;
+            };
             // There is no position to hold yet.
             if matches!(hold, Some(ServoMode::Position | ServoMode::Impedance)) && !servo.seen {
                 continue;
             }
             if let Some(mode) = hold.take() {
-                servo.take(servo.hold(mode, position, mean, torque, loads));
+                let target = servo.hold(mode, position[joint], torque[joint], loads[joint]);
+                self.take(joint, target);
                 self.changed = true;
-                if !matches!(mode, ServoMode::Off | ServoMode::Position) {
-                    *kept = mean;
-                }
+                let keeps_it = !matches!(mode, ServoMode::Off | ServoMode::Position);
+                keeps |= u32::from(keeps_it) << joint;
+            }
+        }
+        let mut kept = self.desired;
+        for (actuator, (kept, mean)) in kept.iter_mut().zip(&means).enumerate() {
+            let joint = self.linear().joint_of(actuator);
+            if joint.is_some_and(|joint| keeps >> joint & 1 == 1) {
+                *kept = *mean;
             }
         }
         Some(kept)
@@ -481,7 +673,7 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         &mut self,
         position: &SVector<f64, N>,
         velocity: &SVector<f64, N>,
-        tension: &TendonPairs<f64, N>,
+        effort: &[f64; A],
         gravity: &Vector3<f64>,
         period: f64,
     ) -> SVector<f64, N> {
@@ -501,7 +693,7 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
                 }
                 (JointTarget::Torque(_) | JointTarget::Grasp(_), _) => turns = true,
                 (JointTarget::Impedance { .. }, _) => falls = true,
-                (JointTarget::Off | JointTarget::Tension(_), _) => {}
+                (JointTarget::Off | JointTarget::Effort, _) => {}
             }
         }
         let (acceleration, asked) = (SVector::from(acceleration), SVector::from(asked));
@@ -524,7 +716,7 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
             zero
         };
         let measured = if turns {
-            self.arms.torque(tension)
+            self.linear().torque(effort)
         } else {
             zero
         };
@@ -562,12 +754,5 @@ impl<M: Dynamics<N>, const N: usize> FingerServo<M, N> {
         self.mechanism
             .inverse_dynamics(position, &zero, &inwards, &weightless)
             + self.drive.armature.component_mul(&inwards)
-    }
-}
-
-/// Takes a value that is finite in place of the last one.
-fn keep(value: f64, last: &mut f64) {
-    if is_finite(value) {
-        *last = value;
     }
 }

@@ -77,9 +77,9 @@ pub(super) fn greatest(law: &PositionLaw, inertia: f64) -> (f64, f64) {
 ///
 /// With `K = J w²` at every joint and such inertias J, the trace of `K M⁻¹` is at most `N w²`. So no
 /// natural frequency of the finger is above √N w, whatever the joints do to each other.
-pub(super) fn least_inertias<M: Dynamics<N>, const N: usize>(
+pub(super) fn least_inertias<M: Dynamics<N>, const N: usize, const A: usize>(
     mechanism: &M,
-    settings: &FingerSettings<N>,
+    settings: &FingerSettings<N, A>,
 ) -> [f64; N] {
     let (still, weightless) = (SVector::zeros(), Vector3::zeros());
     let mut least = [None; N];

@@ -1,32 +1,23 @@
 use super::impedance::{Impedance, greatest};
-use super::transition::Mean;
 use super::{
     JointGains, JointSettings, JointTarget, PositionLaw, ServoMode, ServoRefusal, SoftStop,
     TargetQuantity,
 };
-use crate::control::{Integrator, LowPass};
+use crate::control::Integrator;
 use crate::math::{clamp, is_finite, min};
 use crate::number::{NumberError, not_negative};
-use crate::tendon::{Pair, TensionServos};
 use crate::trajectory::SetPoint;
-use crate::transmission::EffortLimits;
 
 /// The servo of one joint, but what couples it to the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct JointServo {
     pub(super) gains: JointGains,
     pub(super) target: JointTarget,
-    pub(super) tendons: TensionServos<2>,
-    pub(super) tension_filter: LowPass<2>,
-    /// The mean of its desired tensions in this mode.
-    pub(super) mean: Mean,
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
     stop: SoftStop,
-    /// The torques that tendons can give it, N m.
+    /// The torques that actuators can give it, N m.
     torque: (f64, f64),
-    /// The limits of its own tendons.
-    limits: Pair<EffortLimits>,
     integrator: Integrator,
     /// The spring and damper that act; the target's, but for a change that is under way.
     impedance: Impedance,
@@ -41,7 +32,7 @@ pub(super) struct JointServo {
 pub(super) struct Felt {
     pub(super) position: f64,
     pub(super) rate: f64,
-    /// The torque of the measured tensions, N m.
+    /// The torque of the measured efforts, N m.
     pub(super) torque: f64,
     /// The torque of the inverse dynamics, for the accelerations that the laws ask for, N m.
     pub(super) inverse: f64,
@@ -59,9 +50,7 @@ impl JointServo {
     pub(super) fn new(
         settings: &JointSettings,
         torque: (f64, f64),
-        limits: &Pair<EffortLimits>,
         inertia: f64,
-        sample_hz: f64,
     ) -> Result<Self, NumberError> {
         settings.gains.check()?;
         settings.stop.check()?;
@@ -72,17 +61,9 @@ impl JointServo {
         Ok(Self {
             gains: settings.gains,
             target: JointTarget::Off,
-            tendons: TensionServos::new(
-                settings.gains.tension.lanes(),
-                limits.lanes().map(|limits| limits.high),
-                sample_hz,
-            )?,
-            tension_filter: LowPass::new(settings.tension_cutoff_hz.lanes(), sample_hz)?,
-            mean: Mean::new(),
             seen: false,
             stop: settings.stop,
             torque,
-            limits: *limits,
             integrator: settings.gains.integrator()?,
             impedance: Impedance::none(),
             left: 0.0,
@@ -106,14 +87,9 @@ impl JointServo {
         };
         let limits = (self.stop.low, self.stop.high);
         match *target {
-            JointTarget::Off => {}
-            JointTarget::Tension(pair) => {
-                for (tension, limits) in pair.lanes().into_iter().zip(self.limits.lanes()) {
-                    within(TargetQuantity::Tension, tension, (limits.low, limits.high))?;
-                }
-            }
+            JointTarget::Off | JointTarget::Effort => {}
             JointTarget::Torque(torque) => within(TargetQuantity::Torque, torque, self.torque)?,
-            // A grasp gets what the tendons can give.
+            // A grasp gets what the actuators can give.
             JointTarget::Grasp(torque) => {
                 let any = (-f64::MAX, f64::MAX);
                 within(TargetQuantity::Torque, torque, any)?;
@@ -167,21 +143,19 @@ impl JointServo {
             && nothing == 0.0
     }
 
-    /// The target that keeps a joint where it is, in another mode: at the position, with the tensions and
-    /// their torque (N, N m). `loads` are the parts of the torque
-    /// that an impedance adds by itself, N m.
+    /// The target that keeps a joint where it is, in another mode: at the position, with the torque, N m. `loads` are
+    /// the parts of the torque that an impedance adds by itself, N m.
     pub(super) fn hold(
         &self,
         mode: ServoMode,
         position: f64,
-        tension: Pair<f64>,
         torque: f64,
         loads: f64,
     ) -> JointTarget {
         let torque = clamp(torque, self.torque.0, self.torque.1);
         match mode {
             ServoMode::Off => JointTarget::Off,
-            ServoMode::Tension => JointTarget::Tension(tension),
+            ServoMode::Effort => JointTarget::Effort,
             ServoMode::Torque => JointTarget::Torque(torque),
             ServoMode::Grasp => JointTarget::Grasp(torque),
             ServoMode::Position => JointTarget::Position(SetPoint::rest(clamp(
@@ -221,19 +195,21 @@ impl JointServo {
         }
     }
 
-    /// Takes a target that was checked.
-    pub(super) fn take(&mut self, target: JointTarget) {
+    /// Takes a target that was checked. Returns true if the mean of the efforts begins anew with it.
+    pub(super) fn take(&mut self, target: JointTarget) -> bool {
+        let mut begins = true;
         if target.mode() != self.target.mode() {
-            self.mean = Mean::new();
             self.integrator.set(0.0);
             self.left = 0.0;
             self.impedance = Impedance::of(&target).unwrap_or(self.impedance);
         } else if target.mode() == ServoMode::Impedance {
             self.left = 1.0;
-        } else if target.mode() == ServoMode::Torque {
-            self.mean = Mean::new();
+            begins = false;
+        } else if target.mode() != ServoMode::Torque {
+            begins = false;
         }
         self.target = target;
+        begins
     }
 
     /// Goes on from one impedance to the next, by such a part of the way.
@@ -268,7 +244,7 @@ impl JointServo {
         }
     }
 
-    /// The acceleration that keeps it from its limits, rad/s²; zero where its tensions are given.
+    /// The acceleration that keeps it from its limits, rad/s²; zero where its efforts are given.
     #[inline(always)]
     pub(super) fn stop(&self, position: f64, rate: f64) -> f64 {
         match self.target {
@@ -284,11 +260,11 @@ impl JointServo {
         }
     }
 
-    /// The torque of its law, N m; zero where its tensions are given.
+    /// The torque of its law, N m, which actuators may not have; zero where its efforts are given.
     #[inline(always)]
     pub(super) fn torque(&mut self, felt: &Felt) -> f64 {
         let law = match self.target {
-            JointTarget::Off | JointTarget::Tension(_) => return 0.0,
+            JointTarget::Off | JointTarget::Effort => return 0.0,
             JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
                 torque + self.gains.k_torque * (torque - felt.torque)
             }
@@ -308,37 +284,33 @@ impl JointServo {
                         + felt.friction;
                     let (low, high) = self.torque;
                     let increment = ki * error * felt.period;
-                    self.integrator
-                        .update(rest, increment, low, high)
-                        .unwrap_or(rest)
+                    // The transmission limits the torque, and says so.
+                    match self.integrator.update(rest, increment, low, high) {
+                        Some(_) => rest + self.integrator.term(),
+                        None => rest,
+                    }
                 }
             },
         };
         let torque = law + felt.stop;
-        if is_finite(torque) {
-            clamp(torque, self.torque.0, self.torque.1)
-        } else {
-            0.0
-        }
+        if is_finite(torque) { torque } else { 0.0 }
     }
 
-    /// Off, with nothing in any integral.
+    /// The least and the greatest torque that the actuators can give it from now on, N m.
+    #[inline(always)]
+    pub(super) fn set_torque_range(&mut self, torque: (f64, f64)) {
+        self.torque = torque;
+    }
+
+    /// Off, with nothing in the integral.
     pub(super) fn rest(&mut self) {
         self.take(JointTarget::Off);
-        self.mean = Mean::new();
-        self.tendons.reset();
     }
 
-    /// The tensions that are given to it, where it has no torque of its own.
-    pub(super) fn given_tensions(&self) -> Option<Pair<f64>> {
-        match self.target {
-            JointTarget::Off => Some(self.limits.map(|limits| limits.at_rest())),
-            JointTarget::Tension(pair) => Some(pair),
-            JointTarget::Torque(_)
-            | JointTarget::Position(_)
-            | JointTarget::Grasp(_)
-            | JointTarget::Impedance { .. } => None,
-        }
+    /// Returns true if a law of the joint asks for a torque.
+    #[inline(always)]
+    pub(super) const fn is_active(&self) -> bool {
+        !matches!(self.target, JointTarget::Off | JointTarget::Effort)
     }
 
     /// Another stop, of the same damping, from the next tick on.
@@ -358,11 +330,8 @@ impl JointServo {
         gains.check()?;
         let mut integrator = gains.integrator()?;
         integrator.set(self.integrator.term());
-        let mut tendons = self.tendons;
-        tendons.set_gains(gains.tension.lanes())?;
         self.gains = *gains;
         self.integrator = integrator;
-        self.tendons = tendons;
         Ok(())
     }
 }

@@ -1,4 +1,3 @@
-use crate::tendon::Pair;
 use crate::trajectory::SetPoint;
 
 /// The mode of a joint: the quantity that its servo controls.
@@ -6,11 +5,11 @@ use crate::trajectory::SetPoint;
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
 pub enum ServoMode {
-    /// Both tendons are at their least tension.
+    /// The joint has no torque; its actuators have the least efforts with which the others can have theirs.
     #[default]
     Off,
-    /// Both tendons hold tensions that the user sets.
-    Tension,
+    /// The actuators of the joint have efforts that the user sets.
+    Effort,
     /// The joint exerts a torque that the user sets.
     Torque,
     /// The joint follows positions.
@@ -25,7 +24,7 @@ impl ServoMode {
     /// All modes.
     pub const ALL: [Self; 6] = [
         Self::Off,
-        Self::Tension,
+        Self::Effort,
         Self::Torque,
         Self::Position,
         Self::Grasp,
@@ -37,7 +36,7 @@ impl ServoMode {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Off => "off",
-            Self::Tension => "tension",
+            Self::Effort => "effort",
             Self::Torque => "torque",
             Self::Position => "position",
             Self::Grasp => "grasp",
@@ -51,8 +50,9 @@ impl ServoMode {
 pub enum JointTarget {
     /// No target, for [`ServoMode::Off`].
     Off,
-    /// Tensions of its two tendons, N, for [`ServoMode::Tension`].
-    Tension(Pair<f64>),
+    /// The efforts that its actuators have, or that were [set](super::FingerServo::set_effort), for
+    /// [`ServoMode::Effort`].
+    Effort,
     /// A torque, N m, for [`ServoMode::Torque`].
     Torque(f64),
     /// A position with its rate and acceleration (rad, rad/s, rad/s²), for [`ServoMode::Position`].
@@ -76,7 +76,7 @@ impl JointTarget {
     pub const fn mode(&self) -> ServoMode {
         match self {
             Self::Off => ServoMode::Off,
-            Self::Tension(_) => ServoMode::Tension,
+            Self::Effort => ServoMode::Effort,
             Self::Torque(_) => ServoMode::Torque,
             Self::Position(_) => ServoMode::Position,
             Self::Grasp(_) => ServoMode::Grasp,

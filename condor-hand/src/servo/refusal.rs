@@ -24,10 +24,35 @@ pub enum ServoRefusal {
         /// The number of joints.
         joints: u32,
     },
+    /// The finger does not have the actuator.
+    #[error("there is no actuator {actuator}; the finger has {actuators}, numbered from 0")]
+    NoActuator {
+        /// The actuator that was named.
+        actuator: u32,
+        /// The number of actuators.
+        actuators: u32,
+    },
+    /// The effort is beyond the limits of the actuator.
+    #[error(
+        "actuator {actuator} cannot have the effort {value}; it can have {low} to {high}",
+        value = Decimal(*.value),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
+    Effort {
+        /// The number of the actuator in the finger.
+        actuator: u32,
+        /// The effort that was asked for, N or N m.
+        value: f64,
+        /// The least effort that is possible, N or N m.
+        low: f64,
+        /// The greatest effort that is possible, N or N m.
+        high: f64,
+    },
     /// The finger rests after a fault, or is on its way to rest.
     #[error("the finger rests after a fault; enable it first")]
     AfterFault,
-    /// The target is beyond the limits of the joint or of its tendons.
+    /// The target is beyond the limits of the joint or of its actuators.
     #[error(
         "joint {joint} cannot have the {quantity} {value} {unit}; it can have {low} {unit} to {high} {unit}",
         quantity = .quantity.name(),
@@ -79,14 +104,21 @@ impl ServoRefusal {
             joints: joints as u32,
         }
     }
+
+    /// Returns the refusal of an actuator that a finger with this number of actuators does not have.
+    #[must_use]
+    pub const fn no_actuator(actuator: usize, actuators: usize) -> Self {
+        Self::NoActuator {
+            actuator: actuator as u32,
+            actuators: actuators as u32,
+        }
+    }
 }
 
 /// The quantity of a [`JointTarget`](super::JointTarget) that exceeds its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub enum TargetQuantity {
-    /// The tension of a tendon, N.
-    Tension,
     /// The torque of a joint, N m.
     Torque,
     /// The position of a joint, rad.
@@ -106,7 +138,6 @@ impl TargetQuantity {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Tension => "tension",
             Self::Torque => "torque",
             Self::Position => "position",
             Self::Stiffness => "stiffness",
@@ -120,7 +151,6 @@ impl TargetQuantity {
     #[must_use]
     pub const fn unit(self) -> &'static str {
         match self {
-            Self::Tension => "N",
             Self::Torque => "N m",
             Self::Position => "rad",
             Self::Stiffness => "N m/rad",

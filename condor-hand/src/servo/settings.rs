@@ -1,7 +1,6 @@
-use super::{PositionLaw, SoftStop};
+use super::{EffortGains, PositionLaw, SoftStop};
 use crate::dynamics::DriveDynamics;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
-use crate::tendon::{Pair, TensionGains};
 
 /// The gains of a joint, which can be changed while the joint runs.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -10,8 +9,6 @@ pub struct JointGains {
     pub law: PositionLaw,
     /// The fraction of the torque error (desired less measured) that is added to a torque.
     pub k_torque: f64,
-    /// The gains of its tendons' servos.
-    pub tension: Pair<TensionGains>,
 }
 
 /// All settings of the servo of one joint: gains, limits and filters.
@@ -34,8 +31,18 @@ pub struct JointSettings {
     pub position_cutoff_hz: Option<f64>,
     /// The cutoff of the filter that differentiates its position, Hz.
     pub velocity_cutoff_hz: f64,
-    /// The cutoffs of low-pass filters of the measured tensions, Hz; `None` means no filter.
-    pub tension_cutoff_hz: Pair<Option<f64>>,
+}
+
+/// All settings of the servo of one actuator, except for the limits of its effort.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActuatorSettings {
+    /// The gains of its servo, which can be changed while it runs.
+    pub gains: EffortGains,
+    /// True if a sensor measures its effort. Without one the command is the desired effort, less the damping of
+    /// [`EffortGains::kv`], and the desired effort counts as the measured one.
+    pub is_sensed: bool,
+    /// The cutoff of a low-pass filter of the measured effort, Hz; `None` means no filter.
+    pub cutoff_hz: Option<f64>,
 }
 
 /// The cutoffs of the filters of a joint, Hz; `None` means no filter.
@@ -43,21 +50,21 @@ pub struct JointSettings {
 pub(crate) struct JointCutoffs {
     pub(crate) position: Option<f64>,
     pub(crate) velocity: f64,
-    pub(crate) tension: Pair<Option<f64>>,
 }
 
-/// All settings of a [`FingerServo`](super::FingerServo), except for its mechanism and its moment
-/// arms.
+/// All settings of a [`FingerServo`](super::FingerServo), except for its mechanism and its transmission.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerSettings<const N: usize> {
+pub struct FingerSettings<const N: usize, const A: usize> {
     /// The joints, proximal first.
     pub joints: [JointSettings; N],
+    /// The actuators, in the order of the transmission.
+    pub actuators: [ActuatorSettings; A],
     /// The inertia and friction of the drives, for feed-forward.
     pub drive: DriveDynamics<N>,
     /// The rate of the servo's ticks, Hz.
     pub sample_hz: f64,
-    /// The time over which a step of tensions is spread when a mode or gains change, and over which the
-    /// mean tensions of a joint are taken that a change of mode keeps, s.
+    /// The time over which a step of efforts is spread when a mode or gains change, and over which the
+    /// mean efforts of a joint are taken that a change of mode keeps, s.
     pub transition_s: f64,
 }
 

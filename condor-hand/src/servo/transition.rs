@@ -1,12 +1,12 @@
-//! [`Transition`] and [`Mean`]: how a finger's tensions pass from before a change to after it.
+//! [`Transition`] and [`Mean`]: how the efforts of actuators pass from before a change to after it.
 
 use crate::math::max;
-use crate::tendon::{MomentArms, Pair, TendonPairs};
+use crate::transmission::EffortLimits;
 
-/// The number of ticks within which a joint reaches the mean tensions that it takes over.
+/// The number of ticks within which a joint reaches the mean efforts that it takes over.
 const SETTLING_TICKS: f64 = 4.0;
 
-/// The mean tensions of a joint, N, over as many ticks as a transition has, or at least half as many; over
+/// The mean effort of an actuator, N or N m, over as many ticks as a transition has, or at least half as many; over
 /// fewer if it began since then.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mean {
@@ -17,61 +17,53 @@ pub(super) struct Mean {
 
 #[derive(Clone, Copy, Debug)]
 struct Sum {
-    tension: Pair<f64>,
+    effort: f64,
     ticks: f64,
 }
 
 impl Sum {
-    fn nothing() -> Self {
-        Self {
-            tension: Pair::both(0.0),
-            ticks: 0.0,
-        }
-    }
+    const NOTHING: Self = Self {
+        effort: 0.0,
+        ticks: 0.0,
+    };
 }
 
 impl Mean {
     /// Makes an empty mean.
-    pub(super) fn new() -> Self {
+    pub(super) const fn new() -> Self {
         Self {
-            half: Sum::nothing(),
-            rest: Sum::nothing(),
+            half: Sum::NOTHING,
+            rest: Sum::NOTHING,
         }
     }
 
     /// Adds one tick; `part` is one divided by the ticks of a transition.
     #[inline(always)]
-    pub(super) fn add(&mut self, tension: Pair<f64>, part: f64) {
+    pub(super) fn add(&mut self, effort: f64, part: f64) {
         let sum = &mut self.rest;
-        sum.tension.flexor += tension.flexor;
-        sum.tension.extensor += tension.extensor;
+        sum.effort += effort;
         sum.ticks += 1.0;
         if sum.ticks * part >= 0.5 {
-            self.half = core::mem::replace(sum, Sum::nothing());
+            self.half = core::mem::replace(sum, Sum::NOTHING);
         }
     }
 
     /// The mean; `None` before the first tick.
-    pub(super) fn tension(&self) -> Option<Pair<f64>> {
+    pub(super) fn effort(&self) -> Option<f64> {
         let ticks = self.half.ticks + self.rest.ticks;
-        let mean = |half: f64, rest: f64| (half + rest) / ticks;
-        let (half, rest) = (&self.half.tension, &self.rest.tension);
-        (ticks > 0.0).then(|| Pair {
-            flexor: mean(half.flexor, rest.flexor),
-            extensor: mean(half.extensor, rest.extensor),
-        })
+        (ticks > 0.0).then(|| (self.half.effort + self.rest.effort) / ticks)
     }
 }
 
-/// The steps that changes would make in the tensions at once.
+/// The steps that changes would make in the efforts at once.
 #[derive(Clone, Debug)]
-pub(super) struct Transition<const N: usize> {
-    change: Step<N>,
-    /// From the last tensions of a joint to their mean, if it takes that over.
-    settling: Step<N>,
+pub(super) struct Transition<const A: usize> {
+    change: Step<A>,
+    /// From the last efforts of a joint to their mean, if it takes that over.
+    settling: Step<A>,
 }
 
-impl<const N: usize> Transition<N> {
+impl<const A: usize> Transition<A> {
     /// Makes a transition of `ticks` ticks, at least one.
     pub(super) fn new(ticks: f64) -> Self {
         Self {
@@ -92,66 +84,58 @@ impl<const N: usize> Transition<N> {
         self.settling.left = 0.0;
     }
 
-    /// A change from the tensions of the last tick, of which joints go on from `kept`, to `new`.
-    pub(super) fn begin(
-        &mut self,
-        last: &TendonPairs<f64, N>,
-        kept: &TendonPairs<f64, N>,
-        new: &TendonPairs<f64, N>,
-    ) {
+    /// A change from the efforts of the last tick, of which joints go on from `kept`, to `new`.
+    pub(super) fn begin(&mut self, last: &[f64; A], kept: &[f64; A], new: &[f64; A]) {
         self.change.begin(kept, new);
         self.settling.begin(last, kept);
     }
 
-    /// Adds to the tensions what is left.
+    /// Adds to the efforts what is left.
     #[inline(always)]
     pub(super) fn smooth(
         &mut self,
-        tensions: &mut TendonPairs<f64, N>,
-        arms: &MomentArms<N>,
+        efforts: &mut [f64; A],
+        limits: &[EffortLimits; A],
         periods: f64,
     ) {
         if self.change.left > 0.0 || self.settling.left > 0.0 {
-            self.change.add(tensions, periods);
-            self.settling.add(tensions, periods);
-            for (tension, limits) in tensions.iter_mut().zip(arms.limits()) {
-                tension.flexor = limits.flexor.clamp(tension.flexor);
-                tension.extensor = limits.extensor.clamp(tension.extensor);
+            self.change.add(efforts, periods);
+            self.settling.add(efforts, periods);
+            for (effort, limits) in efforts.iter_mut().zip(limits) {
+                *effort = limits.clamp(*effort);
             }
         }
     }
 }
 
-/// A step of tensions, N, which is worked off in equal parts.
+/// A step of efforts, N or N m, which is worked off in equal parts.
 #[derive(Clone, Debug)]
-struct Step<const N: usize> {
-    whole: TendonPairs<f64, N>,
+struct Step<const A: usize> {
+    whole: [f64; A],
     /// The part of it that is left, from 1, and the part that a tick works off.
     left: f64,
     part: f64,
 }
 
-impl<const N: usize> Step<N> {
+impl<const A: usize> Step<A> {
     fn new(ticks: f64) -> Self {
         Self {
-            whole: [Pair::both(0.0); N],
+            whole: [0.0; A],
             left: 0.0,
             part: 1.0 / max(ticks, 1.0),
         }
     }
 
-    fn begin(&mut self, from: &TendonPairs<f64, N>, to: &TendonPairs<f64, N>) {
+    fn begin(&mut self, from: &[f64; A], to: &[f64; A]) {
         self.left = 1.0;
         for ((step, from), to) in self.whole.iter_mut().zip(from).zip(to) {
-            step.flexor = from.flexor - to.flexor;
-            step.extensor = from.extensor - to.extensor;
+            *step = from - to;
         }
     }
 
-    fn add(&mut self, tensions: &mut TendonPairs<f64, N>, periods: f64) {
-        for (tension, step) in tensions.iter_mut().zip(&self.whole) {
-            tension.flexor += self.left * step.flexor;
-            tension.extensor += self.left * step.extensor;
+    fn add(&mut self, efforts: &mut [f64; A], periods: f64) {
+        for (effort, step) in efforts.iter_mut().zip(&self.whole) {
+            *effort += self.left * step;
         }
         self.left = max(self.left - self.part * periods, 0.0);
     }
@@ -164,10 +148,10 @@ mod tests {
     #[test]
     fn a_mean_is_of_all_ticks_and_then_of_half_to_a_whole_transition() {
         let mut mean = Mean::new();
-        assert_eq!(mean.tension(), None);
+        assert_eq!(mean.effort(), None);
         for (tick, expected) in [(4.0, 4.0), (8.0, 6.0), (0.0, 4.0), (8.0, 4.0), (1.0, 3.0)] {
-            mean.add(Pair::both(tick), 0.25);
-            assert_eq!(mean.tension(), Some(Pair::both(expected)));
+            mean.add(tick, 0.25);
+            assert_eq!(mean.effort(), Some(expected));
         }
     }
 }

@@ -10,9 +10,9 @@ pub struct StopGuard {
     /// The torque, to either side, above which the motion stops, N m; infinite for no such
     /// condition.
     pub torque: f64,
-    /// The tension of a tendon of the joint above which the motion stops, N; infinite for no such
-    /// condition.
-    pub tension: f64,
+    /// The effort of an actuator of the joint, to either side, above which the motion stops, N or N m;
+    /// infinite for no such condition.
+    pub effort: f64,
     /// True if a contact of the finger stops the motion.
     pub contact: bool,
 }
@@ -26,7 +26,7 @@ impl StopGuard {
         Self {
             motion,
             torque: f64::INFINITY,
-            tension: f64::INFINITY,
+            effort: f64::INFINITY,
             contact: false,
         }
     }
@@ -37,7 +37,7 @@ impl StopGuard {
         Self {
             motion,
             torque: limit(guards.torque),
-            tension: limit(guards.tension),
+            effort: limit(guards.effort),
             contact: guards.contact,
         }
     }
@@ -48,10 +48,10 @@ impl StopGuard {
         let Self {
             motion,
             torque,
-            tension,
+            effort,
             contact,
         } = *self;
-        motion != 0 && (torque != f64::INFINITY || tension != f64::INFINITY || contact)
+        motion != 0 && (torque != f64::INFINITY || effort != f64::INFINITY || contact)
     }
 
     /// The first condition that does not fail for certain, with what was measured; `contact_n` is
@@ -60,7 +60,7 @@ impl StopGuard {
         &self,
         joint: usize,
         torque: f64,
-        tension: f64,
+        effort: f64,
         touch: f64,
         contact_n: f64,
     ) -> Option<(MotionGuard, f64)> {
@@ -69,8 +69,8 @@ impl StopGuard {
         if exceeds(torque, self.torque) {
             return Some((MotionGuard::Torque { joint }, torque));
         }
-        if exceeds(tension, self.tension) {
-            return Some((MotionGuard::Tension { joint }, tension));
+        if exceeds(effort, self.effort) {
+            return Some((MotionGuard::Effort { joint }, effort));
         }
         let touches = self.contact && exceeds(touch, contact_n);
         touches.then_some((MotionGuard::Contact { joint }, touch))

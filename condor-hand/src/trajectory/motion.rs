@@ -7,7 +7,7 @@
 //! begin = "after"            # after, beside, now
 //! blend = 0.1                # s
 //! on-end = "next"            # next, hold
-//! start = { contact = true } # torque (N m), tension (N), time (s), contact
+//! start = { contact = true } # torque (N m), effort (N), time (s), contact
 //! stop = { torque = 0.2 }
 //!
 //! [motion.to]                # positions, rad

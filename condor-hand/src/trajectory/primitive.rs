@@ -123,9 +123,9 @@ pub struct Guards {
     /// The condition holds if the torque of any of its joints, to either side, is above this, N m;
     /// `None` means no such condition.
     pub torque: Option<f64>,
-    /// The condition holds if the tension of any tendon of its joints is above this, N; `None`
+    /// The condition holds if the effort of any actuator of its joints is above this, N or N m; `None`
     /// means no such condition.
-    pub tension: Option<f64>,
+    pub effort: Option<f64>,
     /// The condition holds when this time has passed, s; `None` means no such condition.
     pub time: Option<f64>,
     /// True if a contact of the finger of any of its joints is a condition.
@@ -141,8 +141,8 @@ pub enum MotionGuard {
         /// The joint, from 0.
         joint: usize,
     },
-    /// The tension of a tendon of this joint was above its limit.
-    Tension {
+    /// The effort of an actuator of this joint was above its limit.
+    Effort {
         /// The joint, from 0.
         joint: usize,
     },
@@ -161,20 +161,20 @@ pub enum MotionGuard {
 pub struct Observations<const J: usize> {
     /// Measured torque of each joint, N m.
     pub torques: [f64; J],
-    /// The greater tension of the two tendons of each joint, N.
-    pub tensions: [f64; J],
+    /// The greatest effort of the actuators of each joint, to either side, N or N m.
+    pub efforts: [f64; J],
     /// Bit i is set if the finger of joint i is in contact.
     pub contacts: u32,
 }
 
 impl<const J: usize> Observations<J> {
-    /// Returns observations in which nothing is measured: zero torques and tensions, and no
+    /// Returns observations in which nothing is measured: zero torques and efforts, and no
     /// contacts.
     #[must_use]
     pub fn none() -> Self {
         Self {
             torques: [0.0; J],
-            tensions: [0.0; J],
+            efforts: [0.0; J],
             contacts: 0,
         }
     }
@@ -186,14 +186,14 @@ impl Guards {
     pub const fn none() -> Self {
         Self {
             torque: None,
-            tension: None,
+            effort: None,
             time: None,
             contact: false,
         }
     }
 
     pub(super) fn is_none(&self) -> bool {
-        self.torque.is_none() && self.tension.is_none() && self.time.is_none() && !self.contact
+        self.torque.is_none() && self.effort.is_none() && self.time.is_none() && !self.contact
     }
 
     /// The first condition that holds for certain: a reading that is not finite starts nothing.
@@ -225,16 +225,16 @@ impl Guards {
         seen: &Observations<J>,
         above: impl Fn(f64, f64) -> bool,
     ) -> Option<MotionGuard> {
-        let values = seen.torques.iter().zip(&seen.tensions);
-        for (joint, (&torque, &tension)) in values.enumerate() {
+        let values = seen.torques.iter().zip(&seen.efforts);
+        for (joint, (&torque, &effort)) in values.enumerate() {
             if mask >> joint & 1 == 0 {
                 continue;
             }
             if self.torque.is_some_and(|limit| above(abs(torque), limit)) {
                 return Some(MotionGuard::Torque { joint });
             }
-            if self.tension.is_some_and(|limit| above(tension, limit)) {
-                return Some(MotionGuard::Tension { joint });
+            if self.effort.is_some_and(|limit| above(effort, limit)) {
+                return Some(MotionGuard::Effort { joint });
             }
             if self.contact && seen.contacts >> joint & 1 == 1 {
                 return Some(MotionGuard::Contact { joint });
@@ -310,7 +310,7 @@ impl<const J: usize> Primitive<J> {
         }
         not_negative("the blend, s,", self.blend)?;
         for guards in [&self.start, &self.stop] {
-            for limit in [guards.torque, guards.tension, guards.time] {
+            for limit in [guards.torque, guards.effort, guards.time] {
                 finite("the limit of a guard", limit.unwrap_or(0.0))?;
             }
         }

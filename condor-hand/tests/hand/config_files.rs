@@ -5,16 +5,16 @@ use std::fmt::Write;
 use std::sync::LazyLock;
 
 use condor_hand::config::{
-    Channel, Converter, Form, Hand, InputChannel, Mistake, MistakeValue, OutputChannel, Rotation,
-    Wire,
+    Channel, Converter, EffortFaults, Form, Hand, InputChannel, Mistake, MistakeValue,
+    OutputChannel, Rotation, Wire,
 };
 use condor_hand::{ImageError, Subject};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-type Utah = Hand<4, 4>;
-type Tripod = Hand<3, 3>;
+type Utah = Hand<4, 4, 8>;
+type Tripod = Hand<3, 3, 6>;
 
 const TEXT: &str = include_str!("../../hands/utah-mit.toml");
 
@@ -25,7 +25,7 @@ static TRIPOD: LazyLock<Tripod> =
 
 static IMAGE: LazyLock<Vec<u8>> = LazyLock::new(|| image(&*TRIPOD));
 
-fn image<const F: usize, const J: usize>(hand: &Hand<F, J>) -> Vec<u8> {
+fn image<const F: usize, const J: usize, const A: usize>(hand: &Hand<F, J, A>) -> Vec<u8> {
     let mut buffer = vec![0; 1 << 16];
     let len = hand.to_image(&mut buffer).unwrap();
     buffer.truncate(len);
@@ -41,10 +41,10 @@ fn an_image_gives_the_same_hand() {
 #[test]
 fn an_image_does_not_depend_on_the_room_of_the_program() {
     let image = image(&*TRIPOD);
-    let roomy = Hand::<7, 5>::from_image(&image).unwrap();
+    let roomy = Hand::<7, 5, 8>::from_image(&image).unwrap();
     assert_eq!(self::image(&roomy), image);
     assert_eq!(
-        Hand::<2, 3>::from_image(&image),
+        Hand::<2, 3, 6>::from_image(&image),
         Err(ImageError::Count {
             of: "fingers",
             found: 3,
@@ -52,11 +52,19 @@ fn an_image_does_not_depend_on_the_room_of_the_program() {
         })
     );
     assert_eq!(
-        Hand::<3, 2>::from_image(&image),
+        Hand::<3, 2, 6>::from_image(&image),
         Err(ImageError::Count {
             of: "joints in a finger",
             found: 3,
             wanted: 2
+        })
+    );
+    assert_eq!(
+        Hand::<3, 3, 5>::from_image(&image),
+        Err(ImageError::Count {
+            of: "actuators in a finger",
+            found: 6,
+            wanted: 5
         })
     );
 }
@@ -108,12 +116,12 @@ fn what_is_wrong_with_an_image_is_said() {
         })
     );
     let mut other = good.clone();
-    other[4] = 6;
+    other[4] = 5;
     assert_eq!(
         Tripod::from_image(&other),
         Err(ImageError::Version {
-            found: 6,
-            wanted: 5
+            found: 5,
+            wanted: 6
         })
     );
     for byte in 6..len {
@@ -201,7 +209,8 @@ fn rewired(order: &[usize], boards: u8) -> String {
     let mut text = String::new();
     for line in TEXT.lines() {
         let mut line = line.to_owned();
-        if line.starts_with("adc = { board = 0, ") || line.contains("or = { adc = { board = ") {
+        // Of a joint, or of an actuator.
+        if line.starts_with("adc = { board = 0, ") || line.contains("}, dac = { board = ") {
             let mut rest = std::mem::take(&mut line);
             while let Some((before, after)) = rest.split_once("channel = ") {
                 let (channel, after) = after.split_once(' ').unwrap();
@@ -233,7 +242,7 @@ proptest! {
         for (finger, (now, before)) in hand.fingers.iter().zip(&UTAH.fingers).enumerate() {
             prop_assert_eq!(now.planar(), before.planar());
             prop_assert_eq!(now.chain(), before.chain());
-            prop_assert_eq!(now.moment_arms(), before.moment_arms());
+            prop_assert_eq!(now.transmission(), before.transmission());
             prop_assert_eq!(now.limits(), before.limits());
             prop_assert_eq!(now.processor(), before.processor().map(|number| 3 - number));
             for (joint, entry) in before.joints.iter().enumerate() {
@@ -288,7 +297,7 @@ proptest! {
         seal(&mut bytes);
         if let Ok(hand) = Tripod::from_image(&bytes) {
             prop_assert_eq!(hand.check(), Ok(()));
-            prop_assert!(hand.fingers.iter().all(|finger| finger.moment_arms().is_ok()));
+            prop_assert!(hand.fingers.iter().all(|finger| finger.transmission().is_ok()));
         }
     }
 }
@@ -357,7 +366,6 @@ fn hands() -> impl Strategy<Value = Utah> {
                         lengths[3] *= numbers[1];
                     }
                     for joint in &mut finger.joints {
-                        joint.extensor.bias_n = bias;
                         joint.servo.position_cutoff_hz = cutoff;
                         if cutoff.is_some() {
                             // Of most of these filters a stop would make the joint swing.
@@ -365,12 +373,30 @@ fn hands() -> impl Strategy<Value = Utah> {
                         }
                         joint.servo.kp = numbers[2];
                         joint.friction.viscous = numbers[3] * 1e-300;
-                        joint.flexor.arm_m = numbers[4];
-                        joint.extensor.arm_m = -numbers[5];
-                        joint.extensor.cutoff_hz = cutoff;
+                    }
+                    for (number, actuator) in finger.actuators.iter_mut().enumerate() {
+                        let is_flexor = number % 2 == 0;
+                        let own = &finger.joints[number / 2].name;
+                        if kept == 0 {
+                            actuator.arms.clear();
+                        }
+                        let arm = |number: f64| 0.005 + 0.01 * number;
+                        let arm = if is_flexor {
+                            arm(numbers[4])
+                        } else {
+                            -arm(numbers[5])
+                        };
+                        actuator.arms.insert(own.clone(), arm).unwrap();
+                        if !is_flexor {
+                            actuator.limits.bias = bias;
+                            actuator.cutoff_hz = cutoff;
+                        }
+                        if kept < 2 {
+                            // Motors that no sensor watches.
+                            (actuator.adc, actuator.faults) = (None, EffortFaults::default());
+                        }
                     }
                     finger.joints[2].body = None;
-                    finger.joints[3].crosses.truncate(kept.min(2));
                 }
                 hand
             },

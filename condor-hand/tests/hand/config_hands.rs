@@ -5,9 +5,11 @@
     reason = "a number of the file is the number of the hand, to the last bit"
 )]
 
-use condor_hand::config::{ControlProcessor, Form, Hand, OutputChannel, ProcessorKind, Shape};
+use condor_hand::config::{
+    ControlProcessor, Form, Hand, OutputChannel, ProcessorKind, Shape, Wire,
+};
+use condor_hand::fault::ActuatorFaultLimits;
 use condor_hand::math::{sin_cos, sqrt};
-use condor_hand::tendon::Pair;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_hand::transmission::EffortLimits;
 use nalgebra::{Matrix3, Vector3};
@@ -17,15 +19,15 @@ const UTAH: &str = include_str!("../../hands/utah-mit.toml");
 const ASYM: &str = include_str!("../hands/utah-mit-asym.toml");
 const TRIPOD: &str = include_str!("../hands/tripod.toml");
 
-fn utah() -> Hand<4, 4> {
+fn utah() -> Hand<4, 4, 8> {
     Hand::from_toml(UTAH, "utah-mit.toml").unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn asym() -> Hand<4, 4> {
+fn asym() -> Hand<4, 4, 8> {
     Hand::from_toml(ASYM, "utah-mit-asym.toml").unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn tripod<const F: usize, const J: usize>() -> Hand<F, J> {
+fn tripod<const F: usize, const J: usize, const A: usize>() -> Hand<F, J, A> {
     Hand::from_toml(TRIPOD, "tripod.toml").unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -105,31 +107,25 @@ fn a_planar_finger_is_the_same_chain() {
 }
 
 #[test]
-fn the_moment_arms_are_those_of_the_reference_data() {
+fn the_arms_are_those_of_the_reference_data() {
     let geometry = geometry();
     for (hand, name) in [(Box::new(utah()), "P_sym"), (Box::new(asym()), "P_asym")] {
         for finger in &hand.fingers {
-            let arms = finger.moment_arms().unwrap();
-            for (joint, row) in arms.rows().iter().enumerate() {
-                for (tendon, pair) in row.iter().enumerate() {
-                    let expected = &geometry[name][joint];
-                    assert_eq!(
-                        pair.flexor,
-                        number(&expected[2 * tendon]),
-                        "{joint} {tendon}"
-                    );
-                    assert_eq!(pair.extensor, number(&expected[2 * tendon + 1]));
+            let linear = finger.transmission().unwrap();
+            for (actuator, arms) in linear.arms().iter().enumerate() {
+                for (joint, &arm) in arms.iter().enumerate() {
+                    let expected = number(&geometry[name][joint][actuator]);
+                    assert_eq!(arm, expected, "actuator {actuator} at joint {joint}");
                 }
+                // Each joint has a flexor and an extensor of its own.
+                assert_eq!(linear.joint_of(actuator), Some(actuator / 2));
             }
-            for joint in &finger.joints {
-                let limits = EffortLimits {
-                    low: 4.0,
-                    high: 130.0,
-                    bias: 7.0,
-                };
-                assert_eq!(joint.flexor.limits(), limits);
-                assert_eq!(joint.extensor.limits(), limits);
-            }
+            let limits = EffortLimits {
+                low: 4.0,
+                high: 130.0,
+                bias: 7.0,
+            };
+            assert_eq!(*linear.limits(), [limits; 8]);
         }
     }
 }
@@ -157,7 +153,7 @@ fn the_processors_are_those_of_the_memo() {
 
 #[test]
 fn every_channel_leads_to_its_wire_and_back() {
-    let (utah, tripod) = (utah(), tripod::<3, 3>());
+    let (utah, tripod) = (utah(), tripod::<3, 3, 6>());
     for (channel, wire) in utah.wires() {
         assert_eq!(utah.wire(channel), Some(wire));
         let input = utah.input(wire).unwrap();
@@ -169,7 +165,7 @@ fn every_channel_leads_to_its_wire_and_back() {
 
 #[test]
 fn a_hand_of_another_kind_is_described_too() {
-    let hand = tripod::<3, 3>();
+    let hand = tripod::<3, 3, 6>();
     let finger = &hand.fingers[1];
     assert!(finger.planar().is_none());
     assert!(matches!(
@@ -193,9 +189,9 @@ fn a_hand_of_another_kind_is_described_too() {
     assert_eq!(chain.bodies()[0].inertia[(2, 1)], -1e-7);
     assert_eq!(chain.bodies()[2].mass, 0.0);
     // From the finger that it is like, before what all joints have.
-    let limits = finger.joints[2].extensor.limits();
+    let limits = finger.actuators[5].limits();
     assert_eq!((limits.low, limits.high, limits.bias), (1.0, 30.0, 5.0));
-    let limits = finger.joints[1].flexor.limits();
+    let limits = finger.actuators[2].limits();
     assert_eq!((limits.low, limits.high, limits.bias), (1.0, 40.0, 1.0));
     let nail = &finger.joints[2].adc;
     assert_eq!((nail.channel, nail.bits, nail.gain), (15, 16, 1e-6));
@@ -206,21 +202,63 @@ fn a_hand_of_another_kind_is_described_too() {
         .unwrap();
     assert_eq!(hand.rate_hz(servo), 2000);
     assert_eq!(hand.fingers_on(7).count(), 3);
-    let arms = finger.moment_arms().unwrap();
-    assert_eq!(arms.rows()[0][1], Pair::both(0.001));
-    let extensor = finger.joints[0].extensor;
+    let linear = finger.transmission().unwrap();
+    assert_eq!(
+        linear.arms()[2..4],
+        [[0.001, 0.006, 0.0], [0.001, -0.006, 0.0]]
+    );
+    let extensor = &finger.actuators[1];
     assert_eq!(
         [0.0, 30.0, 40.0, 99.0].map(|n| extensor.dac.counts(n)),
         [1000, 250, 0, 0]
     );
-    assert!((extensor.adc.value(30_000) - 30.0).abs() < 1e-12);
+    let adc = extensor.adc.as_ref().unwrap();
+    assert!((adc.value(30_000) - 30.0).abs() < 1e-12);
     assert_eq!(extensor.dac.counts(f64::NAN), 1000);
     assert_eq!(extensor.dac.counts(f64::INFINITY), 0);
 }
 
 #[test]
+fn a_differential_of_motors_is_described_too() {
+    let text = include_str!("../hands/differential.toml");
+    let hand = Hand::<1, 2, 2>::from_toml(text, "differential.toml").unwrap();
+    let wrist = &hand.fingers[0];
+    let linear = wrist.transmission().unwrap();
+    assert_eq!(*linear.arms(), [[1.0, 1.0], [1.0, -1.0]]);
+    let motor = EffortLimits {
+        low: -2.0,
+        high: 2.0,
+        bias: 0.0,
+    };
+    assert_eq!(*linear.limits(), [motor; 2]);
+    assert_eq!(wrist.efforts_at_rest(), [0.0; 2]);
+    // No sensor measures the efforts.
+    assert_eq!(hand.wires().count(), 2 + 2);
+    for actuator in 0..2 {
+        let wire = Wire::Actuator {
+            finger: 0,
+            actuator,
+        };
+        assert_eq!(hand.input(wire), None);
+        let output = hand.output(wire).unwrap();
+        let counts = [-2.0, 0.0, 1.5].map(|torque| output.counts(torque));
+        assert_eq!(counts, [48, 2048, 3548]);
+    }
+    let settings = wrist.settings(1000.0, 0.1);
+    assert!(
+        settings
+            .actuators
+            .iter()
+            .all(|actuator| !actuator.is_sensed)
+    );
+    // No check of an actuator without a sensor is on.
+    let limits = wrist.fault_limits(&hand.faults, 1000.0);
+    assert_eq!(limits.actuators, [ActuatorFaultLimits::default(); 2]);
+}
+
+#[test]
 fn room_to_spare_changes_nothing() {
-    let (small, large) = (tripod::<3, 3>(), tripod::<5, 6>());
+    let (small, large) = (tripod::<3, 3, 6>(), tripod::<5, 6, 8>());
     for (small, large) in small.fingers.iter().zip(&large.fingers) {
         let (few, many) = (small.chain(), large.chain());
         assert_eq!(few.joints()[..], many.joints()[..3]);
@@ -231,17 +269,15 @@ fn room_to_spare_changes_nothing() {
                 .iter()
                 .all(|joint| joint.motion == condor_hand::kinematics::ChainMotion::Fixed)
         );
-        let (few, many) = (small.moment_arms().unwrap(), large.moment_arms().unwrap());
-        for joint in 0..3 {
-            assert_eq!(few.rows()[joint], many.rows()[joint][..3]);
+        let (few, many) = (small.transmission().unwrap(), large.transmission().unwrap());
+        for actuator in 0..6 {
+            assert_eq!(few.arms()[actuator], many.arms()[actuator][..3]);
+            assert_eq!(many.arms()[actuator][3..], [0.0; 3]);
         }
-        assert_eq!(
-            many.rows()[4][4],
-            Pair {
-                flexor: 1.0,
-                extensor: -1.0
-            }
-        );
+        // Actuators that the finger does not have move nothing, and have no effort.
+        assert_eq!(many.arms()[6..], [[0.0; 6]; 2]);
+        assert_eq!(many.limits()[6..], [EffortLimits::fixed(0.0); 2]);
+        assert_eq!(many.efforts(&[0.0; 6].into()).saturated, 0);
     }
 }
 
@@ -265,7 +301,7 @@ fn a_choice_replaces_another_one_whole() {
     let joint = "[[fingers.joints]]\n";
     let own = format!("{joint}body = {{ {inertia} }}\n");
     let text = format!("{before}{other}{}", after.replacen(joint, &own, 1));
-    let hand = Hand::<4, 4>::from_toml(&text, "edited").unwrap();
+    let hand = Hand::<4, 4, 8>::from_toml(&text, "edited").unwrap();
     let shape = Shape::Inertia {
         moments: [2e-6, 3e-6, 4e-6],
         products: [0.0; 3],
@@ -279,7 +315,7 @@ fn what_is_at_a_limit_may_be_rounded() {
     let read = |home: f64| {
         let with_home = format!("home = {home:?}\nmass_kg = 10.0");
         let text = UTAH.replacen("mass_kg = 10.0", &with_home, 1);
-        Hand::<4, 4>::from_toml(&text, "utah-mit.toml")
+        Hand::<4, 4, 8>::from_toml(&text, "utah-mit.toml")
     };
     assert_eq!(read(0.2 * (1.0 + 1e-12)).map(|_| ()), Ok(()));
     let wrong = read(0.2 * (1.0 + 1e-6)).unwrap_err().to_string();

@@ -8,24 +8,26 @@
 use condor_hand::config::Hand;
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::dynamics::Dynamics;
+use condor_hand::fault::{FaultCode, FaultSite};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::{
     FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal, TargetQuantity,
 };
-use condor_hand::tendon::fault::{FaultCode, FaultSite};
-use condor_hand::tendon::{Pair, TendonPairs};
 use condor_hand::trajectory::{SetPoint, StopGuard};
+use condor_hand::transmission::Linear;
 use nalgebra::{SVector, Vector3, Vector4};
 use proptest::prelude::*;
+
+use crate::support::largest_step;
 
 const TEXT: &str = include_str!("../../hands/utah-mit.toml");
 const PERIOD_S: f64 = 1.0 / 400.0;
 const LEAST_N: f64 = 4.0;
 const MOST_N: f64 = 130.0;
 
-type Controller = FingerController<PlanarFinger, 4>;
+type Controller = FingerController<PlanarFinger, Linear<4, 8>, 4, 8>;
 
-fn hand() -> Hand<4, 4> {
+fn hand() -> Hand<4, 4, 8> {
     let mut hand = Hand::from_toml(TEXT, "utah-mit.toml").unwrap();
     // The sensors of these tests say what the tests say.
     hand.faults.frozen_rad = 10.0;
@@ -35,7 +37,13 @@ fn hand() -> Hand<4, 4> {
 fn controller() -> Controller {
     let hand = hand();
     let finger = &hand.fingers[0];
-    FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap()
+    FingerController::new(
+        &hand,
+        finger,
+        finger.planar().unwrap(),
+        finger.transmission().unwrap(),
+    )
+    .unwrap()
 }
 
 fn gravity() -> Vector3<f64> {
@@ -46,101 +54,122 @@ fn posture() -> Vector4<f64> {
     Vector4::new(0.1, 0.6, 0.8, 0.7)
 }
 
-fn sensed(tensions: TendonPairs<f64, 4>) -> FingerReadings<4> {
+fn sensed(efforts: [f64; 8]) -> FingerReadings<4, 8> {
     FingerReadings {
         position: posture(),
-        tension: tensions,
+        effort: efforts,
         touch: 0.0,
     }
 }
 
 /// Ticks with sensors that say what was commanded.
-fn run(controller: &mut Controller, tensions: &mut TendonPairs<f64, 4>, ticks: usize) {
+fn run(controller: &mut Controller, efforts: &mut [f64; 8], ticks: usize) {
     for _ in 0..ticks {
-        let tick = controller.tick(&sensed(*tensions), &gravity(), PERIOD_S);
+        let tick = controller.tick(&sensed(*efforts), &gravity(), PERIOD_S);
         assert_eq!(tick.fault, None);
-        *tensions = tick.output.tension;
+        *efforts = tick.output.effort;
     }
 }
 
-fn largest_step(a: &TendonPairs<f64, 4>, b: &TendonPairs<f64, 4>) -> f64 {
-    a.iter()
-        .zip(b)
-        .flat_map(|(a, b)| [a.flexor - b.flexor, a.extensor - b.extensor])
-        .fold(0.0, |largest, step| {
-            condor_hand::math::max(step.abs(), largest)
-        })
-}
-
 #[test]
-fn a_finger_begins_off_with_its_least_tensions() {
+fn a_finger_begins_off_with_its_least_efforts() {
     let mut controller = controller();
-    let tick = controller.tick(&sensed([Pair::both(LEAST_N); 4]), &gravity(), PERIOD_S);
-    assert_eq!(tick.output.tension, [Pair::both(LEAST_N); 4]);
+    let tick = controller.tick(&sensed([LEAST_N; 8]), &gravity(), PERIOD_S);
+    assert_eq!(tick.output.effort, [LEAST_N; 8]);
     assert_eq!(tick.target, [None; 4]);
     assert!((0..4).all(|joint| controller.mode(joint) == Some(ServoMode::Off)));
     assert_eq!(controller.mode(4), None);
 }
 
 #[test]
-fn no_change_of_mode_makes_a_step_of_tension() {
+fn a_joint_that_is_off_has_no_torque_while_others_follow() {
+    let mut controller = controller();
+    let mut efforts = [LEAST_N; 8];
+    for joint in 0..3 {
+        controller.set_mode(joint, ServoMode::Position).unwrap();
+    }
+    run(&mut controller, &mut efforts, 100);
+    let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
+    let torque = tick.output.torque;
+    let weight = controller
+        .mechanism()
+        .gravity_torque(&posture(), &gravity());
+    assert!((torque - weight).fixed_rows::<3>(0).amax() < 1e-9);
+    assert!(torque[3].abs() < 1e-9, "{torque}");
+    assert_eq!(tick.output.saturated, 0);
+}
+
+#[test]
+fn beside_efforts_that_are_set_a_joint_that_is_off_has_its_least_ones() {
+    let mut controller = controller();
+    controller.set_effort(6, 20.0).unwrap();
+    let mut efforts = [LEAST_N; 8];
+    run(&mut controller, &mut efforts, 60);
+    assert_eq!(efforts, [4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 20.0, 4.0]);
+    let modes = [0, 1, 2, 3].map(|joint| controller.mode(joint).unwrap());
+    assert_eq!(modes[..3], [ServoMode::Off; 3]);
+    assert_eq!(modes[3], ServoMode::Effort);
+}
+
+#[test]
+fn no_change_of_mode_makes_a_step_of_effort() {
     let modes = [
         ServoMode::Position,
         ServoMode::Torque,
-        ServoMode::Tension,
+        ServoMode::Effort,
         ServoMode::Impedance,
         ServoMode::Grasp,
         ServoMode::Position,
         ServoMode::Off,
-        ServoMode::Tension,
+        ServoMode::Effort,
         ServoMode::Torque,
         ServoMode::Off,
         ServoMode::Grasp,
-        ServoMode::Tension,
+        ServoMode::Effort,
         ServoMode::Position,
         ServoMode::Grasp,
         ServoMode::Torque,
         ServoMode::Position,
-        ServoMode::Tension,
+        ServoMode::Effort,
         ServoMode::Off,
     ];
     let mut controller = controller();
-    let mut tensions = [Pair::both(LEAST_N); 4];
-    run(&mut controller, &mut tensions, 5);
+    let mut efforts = [LEAST_N; 8];
+    run(&mut controller, &mut efforts, 5);
     for mode in modes {
         for joint in 0..4 {
             controller.set_mode(joint, mode).unwrap();
             assert_eq!(controller.mode(joint), Some(mode));
-            let before = tensions;
-            run(&mut controller, &mut tensions, 1);
+            let before = efforts;
+            run(&mut controller, &mut efforts, 1);
             assert!(
-                largest_step(&before, &tensions) < 1e-9,
-                "joint {joint} to {mode:?}: {before:?} to {tensions:?}"
+                largest_step(&before, &efforts) < 1e-9,
+                "joint {joint} to {mode:?}: {before:?} to {efforts:?}"
             );
             // In the midst of the transition, the next joint's change.
             for _ in 0..7 {
-                let before = tensions;
-                run(&mut controller, &mut tensions, 1);
-                assert!(largest_step(&before, &tensions) < 4.0);
+                let before = efforts;
+                run(&mut controller, &mut efforts, 1);
+                assert!(largest_step(&before, &efforts) < 4.0);
             }
         }
-        run(&mut controller, &mut tensions, 60);
+        run(&mut controller, &mut efforts, 60);
     }
 }
 
 #[test]
-fn other_gains_make_no_step_of_tension() {
+fn other_gains_make_no_step_of_effort() {
     let mut controller = controller();
-    let mut tensions = [Pair::both(LEAST_N); 4];
+    let mut efforts = [LEAST_N; 8];
     let target = SetPoint::rest(posture()[1] + 0.1);
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    run(&mut controller, &mut tensions, 60);
+    run(&mut controller, &mut efforts, 60);
     controller
         .set_target(1, JointTarget::Position(target))
         .unwrap();
-    run(&mut controller, &mut tensions, 60);
+    run(&mut controller, &mut efforts, 60);
     let gains = JointGains {
         law: PositionLaw::Pd {
             kp: 3.0,
@@ -152,12 +181,12 @@ fn other_gains_make_no_step_of_tension() {
     };
     controller.set_gains(1, &gains).unwrap();
     assert_eq!(controller.gains(1), Some(&gains));
-    let before = tensions;
-    run(&mut controller, &mut tensions, 1);
-    assert!(largest_step(&before, &tensions) < 1e-9);
-    run(&mut controller, &mut tensions, 60);
+    let before = efforts;
+    run(&mut controller, &mut efforts, 1);
+    assert!(largest_step(&before, &efforts) < 1e-9);
+    run(&mut controller, &mut efforts, 60);
     assert!(
-        largest_step(&before, &tensions) > 1.0,
+        largest_step(&before, &efforts) > 1.0,
         "the gains changed nothing"
     );
 }
@@ -165,12 +194,12 @@ fn other_gains_make_no_step_of_tension() {
 #[test]
 fn a_held_joint_gets_the_torque_that_holds_it() {
     let mut controller = controller();
-    let mut tensions = [Pair::both(LEAST_N); 4];
+    let mut efforts = [LEAST_N; 8];
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    run(&mut controller, &mut tensions, 100);
-    let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+    run(&mut controller, &mut efforts, 100);
+    let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
     let weight = controller
         .mechanism()
         .gravity_torque(&posture(), &gravity());
@@ -198,9 +227,18 @@ fn what_a_joint_cannot_have_is_refused_with_its_value() {
         })
     ));
     assert!(matches!(
-        controller.set_target(0, JointTarget::Tension(Pair { flexor: 10.0, extensor: 131.0 })),
-        Err(ServoRefusal::Target { joint: 0, quantity: TargetQuantity::Tension, value, .. }) if value > 130.0
+        controller.set_effort(1, 131.0),
+        Err(ServoRefusal::Effort { actuator: 1, value, low, high })
+            if (value, low, high) == (131.0, LEAST_N, MOST_N)
     ));
+    assert!(matches!(
+        controller.set_effort(0, f64::NAN),
+        Err(ServoRefusal::Effort { actuator: 0, .. })
+    ));
+    assert_eq!(
+        controller.set_effort(8, 10.0),
+        Err(ServoRefusal::no_actuator(8, 8))
+    );
     assert!(matches!(
         controller.set_mode(4, ServoMode::Off),
         Err(ServoRefusal::NoJoint {
@@ -219,15 +257,15 @@ fn what_a_joint_cannot_have_is_refused_with_its_value() {
 }
 
 #[test]
-fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
+fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_efforts_down() {
     let mut controller = controller();
-    let mut tensions = [Pair::both(LEAST_N); 4];
+    let mut efforts = [LEAST_N; 8];
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    run(&mut controller, &mut tensions, 100);
-    let mut command = tensions;
-    let mut broken = sensed(tensions);
+    run(&mut controller, &mut efforts, 100);
+    let mut command = efforts;
+    let mut broken = sensed(efforts);
     broken.position[2] = f64::NAN;
     let mut ticks = 0;
     let fault = loop {
@@ -249,32 +287,32 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
     );
     // Good sensors do not bring it back, and the way down has no step.
     for _ in 0..400 {
-        let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+        let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
         assert_eq!(tick.fault.unwrap().site, fault.site);
         assert!(largest_step(&command, &tick.output.command) < 1.0);
         command = tick.output.command;
     }
-    assert_eq!(command, [Pair::both(LEAST_N); 4]);
+    assert_eq!(command, [LEAST_N; 8]);
     controller.clear();
-    let mut tensions = command;
-    run(&mut controller, &mut tensions, 1);
+    let mut efforts = command;
+    run(&mut controller, &mut efforts, 1);
     controller.set_mode(0, ServoMode::Position).unwrap();
-    run(&mut controller, &mut tensions, 1);
+    run(&mut controller, &mut efforts, 1);
 }
 
 #[test]
 fn a_master_that_falls_silent_is_a_fault() {
     let mut controller = controller();
-    let mut tensions = [Pair::both(LEAST_N); 4];
+    let mut efforts = [LEAST_N; 8];
     controller.set_mode(1, ServoMode::Position).unwrap();
-    run(&mut controller, &mut tensions, 100);
+    run(&mut controller, &mut efforts, 100);
     let points = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
     for _ in 0..10 {
         controller.follow(&points, &[StopGuard::NONE; 4]).unwrap();
-        run(&mut controller, &mut tensions, 8);
+        run(&mut controller, &mut efforts, 8);
     }
     let fault = (0..100).find_map(|_| {
-        let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+        let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
         tick.fault
     });
     assert_eq!(fault.unwrap().code, FaultCode::StaleSetPoint);
@@ -284,13 +322,13 @@ fn a_master_that_falls_silent_is_a_fault() {
 /// period each; gives the last tick.
 fn glide(
     controller: &mut Controller,
-    tensions: &mut TendonPairs<f64, 4>,
+    efforts: &mut [f64; 8],
     periods: &[f64],
-) -> Vec<FingerTick<4>> {
+) -> Vec<FingerTick<4, 8>> {
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    run(controller, tensions, 1);
+    run(controller, efforts, 1);
     let (mut time, mut next) = (0.0, 0.0);
     let mut ticks = Vec::new();
     for &period in periods {
@@ -302,10 +340,10 @@ fn glide(
             points[1].velocity = 1.0;
             controller.follow(&points, &[StopGuard::NONE; 4]).unwrap();
         }
-        let mut sensed = sensed(*tensions);
+        let mut sensed = sensed(*efforts);
         sensed.position[1] += time;
         let tick = controller.tick(&sensed, &gravity(), period * PERIOD_S);
-        *tensions = tick.output.tension;
+        *efforts = tick.output.effort;
         ticks.push(tick);
     }
     ticks
@@ -313,13 +351,13 @@ fn glide(
 
 #[test]
 fn rates_and_set_points_go_by_time() {
-    let (mut controller, mut tensions) = (controller(), [Pair::both(LEAST_N); 4]);
+    let (mut controller, mut efforts) = (controller(), [LEAST_N; 8]);
     let mut periods = vec![1.0; 200];
     // Each is late, and none so late that it is a fault.
     for (number, period) in periods.iter_mut().enumerate().skip(100) {
         *period = [1.0, 2.0, 0.5, 1.0, 4.0, 1.0, 0.5][number % 7];
     }
-    let ticks = glide(&mut controller, &mut tensions, &periods);
+    let ticks = glide(&mut controller, &mut efforts, &periods);
     let mut time = 100.0 * PERIOD_S;
     for (tick, period) in ticks.iter().zip(&periods).skip(100) {
         time += period * PERIOD_S;
@@ -337,29 +375,29 @@ fn rates_and_set_points_go_by_time() {
 
 #[test]
 fn a_tick_that_comes_early_makes_no_rate_of_a_count() {
-    let (mut controller, mut tensions) = (controller(), [Pair::both(LEAST_N); 4]);
+    let (mut controller, mut efforts) = (controller(), [LEAST_N; 8]);
     controller.set_mode(1, ServoMode::Position).unwrap();
-    run(&mut controller, &mut tensions, 10);
+    run(&mut controller, &mut efforts, 10);
     for period_s in [1e-4, 2e-5, 1e-9] {
         // One count of the sensor, to and fro.
         for count in [1.0, 0.0] {
-            let mut said = sensed(tensions);
+            let mut said = sensed(efforts);
             said.position[1] += count * 7.67e-4;
             let tick = controller.tick(&said, &gravity(), period_s);
             assert_eq!((tick.fault, tick.output.lost), (None, 0), "{period_s} s");
             let rate = tick.output.velocity[1];
             assert!(rate.abs() < 0.3, "{rate} rad/s after {period_s} s");
         }
-        run(&mut controller, &mut tensions, 10);
+        run(&mut controller, &mut efforts, 10);
     }
 }
 
 #[test]
 fn after_a_fault_a_finger_says_what_its_sensors_say() {
-    let (mut controller, mut tensions) = (controller(), [Pair::both(LEAST_N); 4]);
-    let last = glide(&mut controller, &mut tensions, &[1.0; 100]);
+    let (mut controller, mut efforts) = (controller(), [LEAST_N; 8]);
+    let last = glide(&mut controller, &mut efforts, &[1.0; 100]);
     assert_eq!(last[99].fault, None);
-    let mut blind = sensed(tensions);
+    let mut blind = sensed(efforts);
     blind.position[1] = f64::NAN;
     let expected = posture()[1] + 100.0 * PERIOD_S;
     for tick in 1..=100 {
@@ -370,7 +408,7 @@ fn after_a_fault_a_finger_says_what_its_sensors_say() {
         assert!(off.abs() < 1e-3 || tick > 4, "{off} rad in tick {tick}");
     }
     // Good readings count again, though they are elsewhere, and nobody has cleared the fault.
-    let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+    let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
     assert!((tick.output.position - posture()).amax() < 1e-12);
     assert!((controller.plausible(&posture(), PERIOD_S) - posture()).amax() < 1e-12);
     assert_eq!(tick.fault.unwrap().code, FaultCode::NotFinite);
@@ -378,13 +416,13 @@ fn after_a_fault_a_finger_says_what_its_sensors_say() {
 
 #[test]
 fn a_loop_that_stood_still_for_half_a_second_is_a_fault() {
-    let (mut controller, mut tensions) = (controller(), [Pair::both(LEAST_N); 4]);
+    let (mut controller, mut efforts) = (controller(), [LEAST_N; 8]);
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    run(&mut controller, &mut tensions, 100);
+    run(&mut controller, &mut efforts, 100);
     let mut follower = controller.clone();
-    let tick = controller.tick(&sensed(tensions), &gravity(), 0.5);
+    let tick = controller.tick(&sensed(efforts), &gravity(), 0.5);
     let fault = tick.fault.unwrap();
     assert_eq!(
         (fault.code, fault.site),
@@ -395,9 +433,9 @@ fn a_loop_that_stood_still_for_half_a_second_is_a_fault() {
     let points = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
     follower.follow(&points, &[StopGuard::NONE; 4]).unwrap();
     let faults = [0.01, 0.015, 0.01, 0.012, 0.0151].map(|period_s| {
-        let before = follower.tick(&sensed(tensions), &gravity(), PERIOD_S).fault;
+        let before = follower.tick(&sensed(efforts), &gravity(), PERIOD_S).fault;
         assert_eq!(before, None);
-        follower.tick(&sensed(tensions), &gravity(), period_s).fault
+        follower.tick(&sensed(efforts), &gravity(), period_s).fault
     });
     assert_eq!(faults[..4], [None; 4]);
     assert_eq!(faults[4].unwrap().code, FaultCode::StaleSetPoint);
@@ -406,11 +444,11 @@ fn a_loop_that_stood_still_for_half_a_second_is_a_fault() {
 #[test]
 fn a_joint_joins_the_motion_of_the_master_without_a_jump() {
     let mut controller = controller();
-    let mut tensions = [Pair::both(LEAST_N); 4];
+    let mut efforts = [LEAST_N; 8];
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    run(&mut controller, &mut tensions, 1);
+    run(&mut controller, &mut efforts, 1);
     let aim = posture() + Vector4::new(0.02, 0.3, 0.1, -0.2);
     let points = [0, 1, 2, 3].map(|joint| SetPoint::rest(aim[joint]));
     let mut last = posture();
@@ -421,14 +459,14 @@ fn a_joint_joins_the_motion_of_the_master_without_a_jump() {
         let tick = controller.tick(
             &FingerReadings {
                 position: last,
-                tension: tensions,
+                effort: efforts,
                 touch: 0.0,
             },
             &gravity(),
             PERIOD_S,
         );
         assert_eq!(tick.fault, None);
-        tensions = tick.output.tension;
+        efforts = tick.output.effort;
         let now = SVector::from_fn(|joint, _| tick.target[joint].unwrap());
         assert!((now - last).amax() < 15.0 * PERIOD_S + 1e-12);
         last = now;
@@ -439,10 +477,16 @@ fn a_joint_joins_the_motion_of_the_master_without_a_jump() {
 #[test]
 fn a_finger_of_fewer_joints_than_there_is_room_for_is_one_without_them() {
     let text = include_str!("../hands/tripod.toml");
-    let hand = Hand::<3, 5>::from_toml(text, "tripod.toml").unwrap();
+    let hand = Hand::<3, 5, 9>::from_toml(text, "tripod.toml").unwrap();
     let finger = &hand.fingers[0];
     assert_eq!(finger.joints.len(), 3);
-    let mut controller = FingerController::new(&hand, finger, finger.chain()).unwrap();
+    let mut controller = FingerController::new(
+        &hand,
+        finger,
+        finger.chain(),
+        finger.transmission().unwrap(),
+    )
+    .unwrap();
     let none = Err(ServoRefusal::NoJoint {
         joint: 3,
         joints: 3,
@@ -456,31 +500,37 @@ fn a_finger_of_fewer_joints_than_there_is_room_for_is_one_without_them() {
     for joint in 0..3 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    let mut least = [Pair::both(0.0); 5];
-    least[..3].fill(Pair::both(1.0));
+    let mut least = [0.0; 9];
+    least[..6].fill(1.0);
     let sensed = FingerReadings {
         position: SVector::from([0.1, 0.2, 0.005, 0.0, 0.0]),
-        tension: least,
+        effort: least,
         touch: 0.0,
     };
     for _ in 0..200 {
         let tick = controller.tick(&sensed, &gravity(), 1.0 / 2000.0);
         assert_eq!(tick.fault, None);
-        assert_eq!(tick.output.command[3..], [Pair::both(0.0); 2]);
+        assert_eq!(tick.output.command[6..], [0.0; 3]);
     }
 }
 
 #[test]
 fn a_finger_ticks_at_the_rate_of_its_processor() {
     let text = include_str!("../hands/tripod.toml");
-    let hand = Hand::<3, 3>::from_toml(text, "tripod.toml").unwrap();
+    let hand = Hand::<3, 3, 6>::from_toml(text, "tripod.toml").unwrap();
     let finger = &hand.fingers[0];
     assert_eq!((hand.servo_hz, hand.servo_rate_hz(finger)), (1000, 2000));
-    let mut controller = FingerController::new(&hand, finger, finger.chain()).unwrap();
+    let mut controller = FingerController::new(
+        &hand,
+        finger,
+        finger.chain(),
+        finger.transmission().unwrap(),
+    )
+    .unwrap();
     controller.set_mode(0, ServoMode::Position).unwrap();
     let sensed = FingerReadings {
         position: SVector::from([0.1, 0.2, 0.005]),
-        tension: [Pair::both(1.0); 3],
+        effort: [1.0; 6],
         touch: 0.0,
     };
     controller.tick(&sensed, &gravity(), 1.0 / 2000.0);
@@ -507,23 +557,23 @@ fn a_finger_ticks_at_the_rate_of_its_processor() {
 fn a_joint_whose_sensor_begins_with_no_number_holds_the_first_that_comes() {
     let mut controller = controller();
     controller.set_mode(1, ServoMode::Position).unwrap();
-    let mut tensions = [Pair::both(LEAST_N); 4];
-    let mut blind = sensed(tensions);
+    let mut efforts = [LEAST_N; 8];
+    let mut blind = sensed(efforts);
     blind.position[1] = f64::NAN;
     for _ in 0..3 {
         let tick = controller.tick(&blind, &gravity(), PERIOD_S);
         assert_eq!(tick.fault, None);
         assert_eq!(tick.target[1], None);
-        assert_eq!(tick.output.tension[1], Pair::both(LEAST_N));
+        assert_eq!(tick.output.effort[2..4], [LEAST_N; 2]);
     }
-    let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+    let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
     assert!(tick.output.velocity[1] == 0.0);
-    assert_eq!(tick.output.tension, [Pair::both(LEAST_N); 4]);
-    let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+    assert_eq!(tick.output.effort, [LEAST_N; 8]);
+    let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
     assert_eq!(tick.target[1], Some(posture()[1]));
     assert!(tick.output.velocity[1] == 0.0);
-    tensions = tick.output.tension;
-    run(&mut controller, &mut tensions, 5);
+    efforts = tick.output.effort;
+    run(&mut controller, &mut efforts, 5);
 }
 
 #[test]
@@ -531,7 +581,7 @@ fn a_target_for_a_joint_that_was_never_seen_pulls_nothing() {
     let mut controller = controller();
     let aim = JointTarget::Position(SetPoint::rest(posture()[1]));
     controller.set_target(1, aim).unwrap();
-    let mut blind = sensed([Pair::both(LEAST_N); 4]);
+    let mut blind = sensed([LEAST_N; 8]);
     blind.position[1] = f64::INFINITY;
     // Not yet a fault.
     for _ in 0..3 {
@@ -543,16 +593,16 @@ fn a_target_for_a_joint_that_was_never_seen_pulls_nothing() {
             "{}",
             tick.output.torque[1]
         );
-        blind.tension = tick.output.tension;
+        blind.effort = tick.output.effort;
     }
 }
 
 #[test]
 fn a_mode_that_a_joint_has_leaves_it_with_its_master() {
     let mut controller = controller();
-    let mut tensions = [Pair::both(LEAST_N); 4];
+    let mut efforts = [LEAST_N; 8];
     controller.set_mode(1, ServoMode::Position).unwrap();
-    run(&mut controller, &mut tensions, 1);
+    run(&mut controller, &mut efforts, 1);
     for tick in 0..10 {
         let moving = SetPoint {
             position: posture()[1] + 0.004 * f64::from(tick),
@@ -563,11 +613,11 @@ fn a_mode_that_a_joint_has_leaves_it_with_its_master() {
             .follow(&[moving; 4], &[StopGuard::NONE; 4])
             .unwrap();
         controller.set_mode(1, ServoMode::Position).unwrap();
-        run(&mut controller, &mut tensions, 8);
+        run(&mut controller, &mut efforts, 8);
     }
     // Still the master's: that it falls silent is noticed.
     let fault = (0..100).find_map(|_| {
-        let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+        let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
         tick.fault
     });
     assert_eq!(fault.unwrap().code, FaultCode::StaleSetPoint);
@@ -576,16 +626,16 @@ fn a_mode_that_a_joint_has_leaves_it_with_its_master() {
 #[test]
 fn a_set_point_that_is_refused_changes_nothing() {
     let mut controller = controller();
-    let mut tensions = [Pair::both(LEAST_N); 4];
+    let mut efforts = [LEAST_N; 8];
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    run(&mut controller, &mut tensions, 1);
+    run(&mut controller, &mut efforts, 1);
     let good = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
     controller.follow(&good, &[StopGuard::NONE; 4]).unwrap();
-    run(&mut controller, &mut tensions, 8);
+    run(&mut controller, &mut efforts, 8);
     let mut untouched = controller.clone();
-    let mut same = tensions;
+    let mut same = efforts;
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut points = good.map(|point| SetPoint::rest(point.position + 0.1));
         points[3].position = bad;
@@ -595,52 +645,56 @@ fn a_set_point_that_is_refused_changes_nothing() {
         );
     }
     for _ in 0..8 {
-        let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+        let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
         let other = untouched.tick(&sensed(same), &gravity(), PERIOD_S);
         assert_eq!(tick, other);
-        (tensions, same) = (tick.output.tension, other.output.tension);
+        (efforts, same) = (tick.output.effort, other.output.effort);
     }
 }
 
-/// The ramp is the shortest that there is, a transition the longest, and the tensions' servos have
+/// The ramp is the shortest that there is, a transition the longest, and the efforts' servos have
 /// integrals: nothing of any of them is left when the finger can be used again.
 #[test]
-fn after_a_fault_and_its_ramp_a_finger_rests_at_its_least_tensions() {
+fn after_a_fault_and_its_ramp_a_finger_rests_at_its_least_efforts() {
     let mut hand = hand();
     hand.faults.safe_s = 0.01;
     hand.transition_s = 1.0;
     for finger in &mut hand.fingers {
-        for joint in &mut finger.joints {
-            joint.flexor.gains.ki = 5.0;
-            joint.extensor.gains.ki = 5.0;
+        for actuator in &mut finger.actuators {
+            actuator.gains.ki = 5.0;
         }
     }
     hand.check().unwrap();
     let finger = &hand.fingers[0];
-    let mut controller = FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap();
-    let high = JointTarget::Tension(Pair::both(60.0));
-    for joint in 0..4 {
-        controller.set_target(joint, high).unwrap();
+    let mut controller = FingerController::new(
+        &hand,
+        finger,
+        finger.planar().unwrap(),
+        finger.transmission().unwrap(),
+    )
+    .unwrap();
+    for actuator in 0..8 {
+        controller.set_effort(actuator, 60.0).unwrap();
     }
-    let mut tensions = [Pair::both(LEAST_N); 4];
-    run(&mut controller, &mut tensions, 500);
-    let mut broken = sensed(tensions);
+    let mut efforts = [LEAST_N; 8];
+    run(&mut controller, &mut efforts, 500);
+    let mut broken = sensed(efforts);
     broken.position[0] = f64::NAN;
-    // The measured tensions lag behind, which fills the integrals.
+    // The measured efforts lag behind, which fills the integrals.
     let faulty = (0..200).find(|_| {
         let tick = controller.tick(&broken, &gravity(), PERIOD_S);
         tick.fault.is_some()
     });
     assert!(faulty.is_some());
     for _ in 0..10 {
-        controller.tick(&sensed([Pair::both(2.0); 4]), &gravity(), PERIOD_S);
+        controller.tick(&sensed([2.0; 8]), &gravity(), PERIOD_S);
     }
     controller.clear();
     for _ in 0..20 {
-        let tick = controller.tick(&sensed([Pair::both(LEAST_N); 4]), &gravity(), PERIOD_S);
+        let tick = controller.tick(&sensed([LEAST_N; 8]), &gravity(), PERIOD_S);
         assert_eq!(tick.fault, None);
-        assert_eq!(tick.output.tension, [Pair::both(LEAST_N); 4]);
-        assert_eq!(tick.output.command, [Pair::both(LEAST_N); 4]);
+        assert_eq!(tick.output.effort, [LEAST_N; 8]);
+        assert_eq!(tick.output.command, [LEAST_N; 8]);
     }
 }
 
@@ -656,17 +710,12 @@ proptest! {
             let _ = controller.set_mode(joint, ServoMode::ALL[mode]);
             let sensed = FingerReadings {
                 position: SVector::from_column_slice(&sample[..4]),
-                tension: core::array::from_fn(|joint| Pair {
-                    flexor: sample[4 + 2 * joint],
-                    extensor: sample[5 + 2 * joint],
-                }),
+                effort: core::array::from_fn(|actuator| sample[4 + actuator]),
                 touch: 0.0,
             };
             let tick = controller.tick(&sensed, &gravity(), PERIOD_S);
-            for pair in tick.output.command {
-                for command in [pair.flexor, pair.extensor] {
-                    prop_assert!((0.0..=MOST_N).contains(&command), "{command}");
-                }
+            for command in tick.output.command {
+                prop_assert!((0.0..=MOST_N).contains(&command), "{command}");
             }
         }
     }

@@ -6,8 +6,8 @@ use condor_hand::config::Hand;
 use condor_hand::controller::{FingerController, FingerTick, GuardStop};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::{FingerReadings, JointTarget, ServoMode};
-use condor_hand::tendon::Pair;
 use condor_hand::trajectory::{MotionGuard, SetPoint, StopGuard};
+use condor_hand::transmission::Linear;
 use nalgebra::{Vector3, Vector4};
 
 const PERIOD_S: f64 = 1.0 / 400.0;
@@ -16,10 +16,10 @@ const RATE: f64 = 0.1;
 
 /// A finger whose joints go by the same rate, and whose sensors say that they do.
 struct Rig {
-    hand: Hand<4, 4>,
-    controller: FingerController<PlanarFinger, 4>,
+    hand: Hand<4, 4, 8>,
+    controller: FingerController<PlanarFinger, Linear<4, 8>, 4, 8>,
     guards: [StopGuard; 4],
-    sensed: FingerReadings<4>,
+    sensed: FingerReadings<4, 8>,
     ticks: u32,
     former: [f64; 4],
 }
@@ -31,13 +31,14 @@ impl Rig {
         hand.faults.frozen_rad = 10.0;
         hand.faults.tracking_rad = 10.0;
         hand.faults.sensor_samples = 10_000;
-        hand.faults.tension_samples = 10_000;
+        hand.faults.effort_samples = 10_000;
         let finger = &hand.fingers[0];
         let mechanism = finger.planar().unwrap();
-        let controller = FingerController::new(&hand, finger, mechanism).unwrap();
+        let transmission = finger.transmission().unwrap();
+        let controller = FingerController::new(&hand, finger, mechanism, transmission).unwrap();
         let sensed = FingerReadings {
             position: Vector4::from(START),
-            tension: [Pair::both(10.0); 4],
+            effort: [10.0; 8],
             touch: 0.0,
         };
         let mut rig = Self {
@@ -65,7 +66,7 @@ impl Rig {
     }
 
     /// A tick, with what the master says if it is its turn; no set-point jumps.
-    fn tick(&mut self) -> FingerTick<4> {
+    fn tick(&mut self) -> FingerTick<4, 8> {
         if self.ticks.is_multiple_of(8) {
             let points = [0, 1, 2, 3].map(|joint| self.wanted(joint));
             self.controller.follow(&points, &self.guards).unwrap();
@@ -208,22 +209,22 @@ fn a_master_that_rests_where_a_joint_was_stopped_does_not_move_it() {
 }
 
 #[test]
-fn each_motion_of_a_finger_has_its_own_guard_of_torque_and_tension() {
+fn each_motion_of_a_finger_has_its_own_guard_of_torque_and_effort() {
     let torque = StopGuard {
         torque: 0.3,
         ..guard(1)
     };
-    let tension = StopGuard {
-        tension: 60.0,
+    let effort = StopGuard {
+        effort: 60.0,
         ..guard(2)
     };
-    let mut rig = Rig::new([torque, torque, tension, tension]);
+    let mut rig = Rig::new([torque, torque, effort, effort]);
     rig.run(80);
-    // At the proximal joint: 0.0127 m times the difference.
-    rig.sensed.tension[1].extensor = 10.0 + 0.29 / 0.0127;
+    // Of the extensor of the proximal joint: 0.0127 m times the difference.
+    rig.sensed.effort[3] = 10.0 + 0.29 / 0.0127;
     rig.run(16);
     assert_eq!(rig.stops(), [None; 4]);
-    rig.sensed.tension[1].extensor = 10.0 + 0.31 / 0.0127;
+    rig.sensed.effort[3] = 10.0 + 0.31 / 0.0127;
     rig.run(1);
     let [first, second, third, fourth] = rig.stops();
     let (first, second) = (first.unwrap(), second.unwrap());
@@ -234,13 +235,13 @@ fn each_motion_of_a_finger_has_its_own_guard_of_torque_and_tension() {
     assert!((first.value - 0.31).abs() < 1e-9, "{first:?}");
     assert_eq!((second.motion, second.guard), (first.motion, first.guard));
     assert_eq!((third, fourth), (None, None));
-    rig.sensed.tension[3].flexor = 60.5;
+    rig.sensed.effort[6] = 60.5;
     rig.run(1);
     let [_, _, third, fourth] = rig.stops();
     let (third, fourth) = (third.unwrap(), fourth.unwrap());
     assert_eq!(
         (third.motion, third.guard),
-        (2, MotionGuard::Tension { joint: 3 })
+        (2, MotionGuard::Effort { joint: 3 })
     );
     assert_eq!((third.value, fourth.value), (60.5, 60.5));
 }
@@ -255,7 +256,7 @@ fn a_reading_that_is_no_number_stops_what_is_guarded_by_it() {
                 ..guard(2)
             },
             StopGuard {
-                tension: 120.0,
+                effort: 120.0,
                 ..guard(3)
             },
             guard(4),
@@ -267,7 +268,7 @@ fn a_reading_that_is_no_number_stops_what_is_guarded_by_it() {
         assert_eq!(motions, [1, 0, 0, 0], "{wrong}");
         assert!(!rig.stops()[0].unwrap().value.is_finite());
         // The tendons of the distal joint cross the proximal one, not itself.
-        rig.sensed.tension[2].extensor = wrong;
+        rig.sensed.effort[5] = wrong;
         rig.run(1);
         let motions = rig.stops().map(|stop| stop.map_or(0, |stop| stop.motion));
         assert_eq!(motions, [1, 2, 3, 0], "{wrong}");
@@ -294,7 +295,13 @@ fn without_a_sensor_nothing_is_a_contact() {
     let mut rig = Rig::new([on_contact(1); 4]);
     rig.hand.fingers[0].touch = None;
     let finger = &rig.hand.fingers[0];
-    rig.controller = FingerController::new(&rig.hand, finger, finger.planar().unwrap()).unwrap();
+    rig.controller = FingerController::new(
+        &rig.hand,
+        finger,
+        finger.planar().unwrap(),
+        finger.transmission().unwrap(),
+    )
+    .unwrap();
     for joint in 0..4 {
         rig.controller.set_mode(joint, ServoMode::Position).unwrap();
     }

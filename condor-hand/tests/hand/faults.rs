@@ -5,17 +5,17 @@
     reason = "the tests say where a number is exactly another"
 )]
 
-use condor_hand::tendon::Pair;
-use condor_hand::tendon::fault::{
-    FaultCode, FaultLimits, FaultRange, FaultSite, FingerFault, FingerMonitor, JointFaultLimits,
-    Observation, SafeRamp, SensorFaultLimits, Stuck, TendonFaultLimits, Threshold,
+use condor_hand::fault::{
+    ActuatorFaultLimits, FaultCode, FaultLimits, FaultRange, FaultSite, FingerFault, FingerMonitor,
+    JointFaultLimits, Observation, SafeRamp, SensorFaultLimits, Stuck, Threshold,
 };
 use condor_hand::{NumberError, Subject};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 
-fn limits() -> FaultLimits<2> {
-    let tendon = TendonFaultLimits {
+/// Of two joints and four actuators.
+fn limits() -> FaultLimits<2, 4> {
+    let actuator = ActuatorFaultLimits {
         sensor: SensorFaultLimits {
             lost_samples: 2,
             range: FaultRange {
@@ -33,13 +33,10 @@ fn limits() -> FaultLimits<2> {
                 samples: 5,
             },
         },
-        slack: Threshold {
-            value: 1.0,
+        effort: FaultRange {
+            low: 1.0,
+            high: 150.0,
             samples: 6,
-        },
-        over_tension: Threshold {
-            value: 150.0,
-            samples: 1,
         },
     };
     let joint = JointFaultLimits {
@@ -67,7 +64,7 @@ fn limits() -> FaultLimits<2> {
         },
     };
     FaultLimits {
-        tendons: [Pair::both(tendon); 2],
+        actuators: [actuator; 4],
         joints: [joint; 2],
         period_s: Threshold {
             value: 0.003,
@@ -83,8 +80,8 @@ fn limits() -> FaultLimits<2> {
 /// A tick of the finger.
 #[derive(Clone, Copy)]
 struct Seen {
-    desired_tensions: [Pair<f64>; 2],
-    tensions: [Pair<f64>; 2],
+    desired_efforts: [f64; 4],
+    efforts: [f64; 4],
     desired_positions: [Option<f64>; 2],
     positions: Vector2<f64>,
     lost: u32,
@@ -94,8 +91,8 @@ struct Seen {
 
 fn good() -> Seen {
     Seen {
-        desired_tensions: [Pair::both(10.0); 2],
-        tensions: [Pair::both(10.0); 2],
+        desired_efforts: [10.0; 4],
+        efforts: [10.0; 4],
         desired_positions: [Some(0.2); 2],
         positions: Vector2::repeat(0.2),
         lost: 0,
@@ -104,17 +101,17 @@ fn good() -> Seen {
     }
 }
 
-struct Monitor(FingerMonitor<2>);
+struct Monitor(FingerMonitor<2, 4>);
 
 impl Monitor {
-    fn new(limits: &FaultLimits<2>) -> Self {
+    fn new(limits: &FaultLimits<2, 4>) -> Self {
         Self(FingerMonitor::new(*limits).unwrap())
     }
 
     fn update(&mut self, seen: &Seen) -> Option<FingerFault> {
         self.0.update(&Observation {
-            desired_tensions: &seen.desired_tensions,
-            tensions: &seen.tensions,
+            desired_efforts: &seen.desired_efforts,
+            efforts: &seen.efforts,
             desired_positions: &seen.desired_positions,
             positions: &seen.positions,
             lost: seen.lost,
@@ -142,28 +139,29 @@ fn check(observation: &Seen, code: FaultCode, site: FaultSite, samples: usize) {
 
 #[test]
 fn each_fault_is_found_where_and_when_its_limit_says() {
-    let mut slack = good();
-    slack.tensions[1].extensor = 0.5;
-    check(&slack, FaultCode::Slack, FaultSite::Extensor(1), 6);
+    let mut low = good();
+    low.efforts[3] = 0.5;
+    check(&low, FaultCode::LowEffort, FaultSite::Actuator(3), 6);
 
-    let mut broken = good();
-    broken.tensions[0].flexor = 151.0;
-    check(&broken, FaultCode::OverTension, FaultSite::Flexor(0), 1);
+    let mut high = good();
+    high.efforts[0] = 151.0;
+    high.desired_efforts[0] = 140.0;
+    check(&high, FaultCode::HighEffort, FaultSite::Actuator(0), 6);
 
     let mut outside = good();
-    outside.tensions[0].extensor = -6.0;
-    check(&outside, FaultCode::OutOfRange, FaultSite::Extensor(0), 3);
+    outside.efforts[1] = -6.0;
+    check(&outside, FaultCode::OutOfRange, FaultSite::Actuator(1), 3);
 
     let mut lost = good();
     lost.positions[1] = f64::NAN;
     check(&lost, FaultCode::NotFinite, FaultSite::Joint(1), 2);
     lost = good();
-    lost.desired_tensions[1].flexor = f64::INFINITY;
-    check(&lost, FaultCode::NotFinite, FaultSite::Flexor(1), 2);
+    lost.desired_efforts[2] = f64::INFINITY;
+    check(&lost, FaultCode::NotFinite, FaultSite::Actuator(2), 2);
 
     let mut behind = good();
-    behind.tensions[0].flexor = 35.0;
-    check(&behind, FaultCode::Tracking, FaultSite::Flexor(0), 5);
+    behind.efforts[0] = 35.0;
+    check(&behind, FaultCode::Tracking, FaultSite::Actuator(0), 5);
     behind = good();
     behind.positions[0] = 0.6;
     check(&behind, FaultCode::Tracking, FaultSite::Joint(0), 5);
@@ -172,8 +170,8 @@ fn each_fault_is_found_where_and_when_its_limit_says() {
     stuck.desired_positions[0] = Some(0.3);
     check(&stuck, FaultCode::Stuck, FaultSite::Joint(0), 4);
     stuck = good();
-    stuck.desired_tensions[1].extensor = 16.0;
-    check(&stuck, FaultCode::Stuck, FaultSite::Extensor(1), 4);
+    stuck.desired_efforts[3] = 16.0;
+    check(&stuck, FaultCode::Stuck, FaultSite::Actuator(3), 4);
 
     let mut past = good();
     past.positions[1] = 1.6;
@@ -224,11 +222,11 @@ fn a_position_that_cannot_be_is_a_fault_of_its_own() {
 
 #[test]
 fn samples_must_be_in_a_row() {
-    let mut slack = good();
-    slack.tensions[0].flexor = 0.5;
+    let mut low = good();
+    low.efforts[0] = 0.5;
     let mut monitor = monitor();
     for k in 0..60 {
-        let observation = if k % 6 == 5 { good() } else { slack };
+        let observation = if k % 6 == 5 { good() } else { low };
         assert_eq!(monitor.update(&observation), None);
     }
 }
@@ -252,12 +250,14 @@ fn a_sensor_that_follows_or_rests_is_not_stuck() {
 
 #[test]
 fn faults_stay_until_they_are_cleared() {
-    let mut monitor = monitor();
+    let mut limits = limits();
+    limits.actuators[0].effort.samples = 1;
+    let mut monitor = Monitor::new(&limits);
     let mut broken = good();
-    broken.tensions[0].flexor = 160.0;
+    broken.efforts[0] = 160.0;
     broken.set_point_age_s = 1.0;
     let first = monitor.update(&broken).unwrap();
-    let (code, site, value) = (FaultCode::OverTension, FaultSite::Flexor(0), 160.0);
+    let (code, site, value) = (FaultCode::HighEffort, FaultSite::Actuator(0), 160.0);
     assert_eq!(first, FingerFault { code, site, value });
     for _ in 0..50 {
         assert_eq!(monitor.update(&good()), Some(first));
@@ -270,12 +270,12 @@ fn faults_stay_until_they_are_cleared() {
 #[test]
 fn a_check_of_no_samples_is_off() {
     let mut limits = limits();
-    limits.tendons[0].flexor.over_tension.samples = 0;
-    limits.tendons[0].flexor.sensor.tracking.samples = 0;
+    limits.actuators[0].effort.samples = 0;
+    limits.actuators[0].sensor.tracking.samples = 0;
     limits.set_point_age_s.samples = 0;
     let mut monitor = Monitor::new(&limits);
     let mut broken = good();
-    broken.tensions[0].flexor = 160.0;
+    broken.efforts[0] = 160.0;
     broken.set_point_age_s = 1.0;
     for _ in 0..100 {
         assert_eq!(monitor.update(&broken), None);
@@ -292,11 +292,11 @@ fn limits_say_what_is_wrong_with_them() {
         "joint 1, 'past its limit': the upper end is 1.5; it must be at least 2"
     );
     let mut wrong = limits();
-    wrong.tendons[1].extensor.slack.value = f64::NAN;
+    wrong.actuators[3].effort.low = f64::NAN;
     assert!(matches!(
         FingerMonitor::new(wrong),
         Err(NumberError {
-            at: Subject::ExtensorCheck(1, FaultCode::Slack),
+            at: Subject::ActuatorCheck(3, FaultCode::LowEffort),
             ..
         })
     ));
@@ -304,7 +304,7 @@ fn limits_say_what_is_wrong_with_them() {
 
 #[test]
 fn ramps_say_what_is_wrong_with_their_numbers() {
-    let (from, to) = ([Pair::both(100.0)], [Pair::both(4.0)]);
+    let (from, to) = ([100.0; 2], [4.0; 2]);
     for seconds in [0.0, 0.0025, -1.0, f64::NAN, f64::INFINITY] {
         assert!(
             SafeRamp::new(from, to, seconds, 400.0).is_err(),
@@ -312,27 +312,23 @@ fn ramps_say_what_is_wrong_with_their_numbers() {
         );
     }
     assert!(SafeRamp::new(from, to, -1.0, -400.0).is_err());
-    let error = SafeRamp::new([Pair::both(f64::NAN)], to, 0.5, 400.0).unwrap_err();
-    assert_eq!(error.what, "the way of a flexor's tension, N,");
+    let error = SafeRamp::new([100.0, f64::NAN], to, 0.5, 400.0).unwrap_err();
+    assert_eq!(error.what, "the way of an effort");
 }
 
 proptest! {
     /// No step, no way back, and the end is reached in the time.
     #[test]
     fn a_ramp_is_monotone_and_without_steps(
-        from in 0.0..130.0_f64, other in 0.0..130.0_f64, to in 0.0..10.0_f64, samples in 2..400_u32,
+        begin in [-130.0..130.0_f64, -130.0..130.0_f64], to in -10.0..10.0_f64, samples in 2..400_u32,
     ) {
-        let begin = [Pair { flexor: from, extensor: other }];
         let seconds = f64::from(samples) / 400.0;
-        let mut ramp = SafeRamp::new(begin, [Pair::both(to)], seconds, 400.0).unwrap();
-        let [mut last] = begin;
+        let mut ramp = SafeRamp::new(begin, [to; 2], seconds, 400.0).unwrap();
+        let mut last = begin;
         for _ in 0..samples {
             prop_assert!(!ramp.is_done());
-            let [next] = ramp.update();
-            for (start, last, next) in [
-                (from, last.flexor, next.flexor),
-                (other, last.extensor, next.extensor),
-            ] {
+            let next = ramp.update();
+            for ((start, last), next) in begin.iter().zip(last).zip(next) {
                 let (step, whole) = (next - last, to - start);
                 prop_assert!(step * whole >= 0.0);
                 prop_assert!(step.abs() <= whole.abs() / f64::from(samples) + 1e-12);
@@ -340,8 +336,8 @@ proptest! {
             last = next;
         }
         prop_assert!(ramp.is_done());
-        prop_assert_eq!(last, Pair::both(to));
-        prop_assert_eq!(ramp.update(), [Pair::both(to)]);
+        prop_assert_eq!(last, [to; 2]);
+        prop_assert_eq!(ramp.update(), [to; 2]);
     }
 }
 
@@ -358,13 +354,19 @@ fn the_readme_explains_every_fault_in_the_words_of_programs() {
 #[test]
 fn a_fault_is_told_with_the_names_of_its_parts() {
     let hand = include_str!("../../hands/utah-mit.toml");
-    let hand = condor_hand::config::Hand::<4, 4>::from_toml(hand, "utah-mit.toml").unwrap();
+    let hand = condor_hand::config::Hand::<4, 4, 8>::from_toml(hand, "utah-mit.toml").unwrap();
     for (code, site, value, said) in [
         (
-            FaultCode::Slack,
-            FaultSite::Flexor(2),
+            FaultCode::LowEffort,
+            FaultSite::Actuator(4),
             0.0,
-            "the flexor of index.middle is slack: it pulls 0.000 N",
+            "index.middle-flexor has too little effort: 0.000",
+        ),
+        (
+            FaultCode::HighEffort,
+            FaultSite::Actuator(8),
+            180.5,
+            "index.8 has too much effort: 180.500",
         ),
         (
             FaultCode::Tracking,

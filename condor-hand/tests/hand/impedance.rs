@@ -7,24 +7,27 @@ use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{exp, max, sqrt};
 use condor_hand::plant::{PlantModel, SimFinger};
 use condor_hand::servo::{FingerReadings, JointTarget, PositionLaw, ServoMode, ServoRefusal};
+use condor_hand::transmission::Linear;
 use nalgebra::{SVector, Vector3};
 use proptest::prelude::*;
+
+use crate::support::largest_step;
 
 const TEXT: &str = include_str!("../../hands/utah-mit.toml");
 const PERIOD_S: f64 = 1.0 / 400.0;
 
-type Controller = FingerController<PlanarFinger, 4>;
+type Controller = FingerController<PlanarFinger, Linear<4, 8>, 4, 8>;
 
 /// A controller and the finger that it controls.
 struct Bench {
     controller: Controller,
-    finger: SimFinger<PlanarFinger, 4>,
+    finger: SimFinger<PlanarFinger, Linear<4, 8>, 4, 8>,
     gravity: Vector3<f64>,
     /// What turns the joints from outside, N m.
     load: SVector<f64, 4>,
 }
 
-fn hand() -> Hand<4, 4> {
+fn hand() -> Hand<4, 4, 8> {
     Hand::from_toml(TEXT, "utah-mit.toml").unwrap()
 }
 
@@ -33,18 +36,19 @@ impl Bench {
         let hand = hand();
         let entry = &hand.fingers[0];
         let mechanism = entry.planar().unwrap();
+        let transmission = entry.transmission().unwrap();
         let finger = PlantModel::default()
-            .finger(entry, mechanism, posture.into())
+            .finger(entry, mechanism, transmission, posture.into())
             .unwrap();
         Self {
-            controller: FingerController::new(&hand, entry, mechanism).unwrap(),
+            controller: FingerController::new(&hand, entry, mechanism, transmission).unwrap(),
             finger,
             gravity: Vector3::from(hand.gravity),
             load: SVector::zeros(),
         }
     }
 
-    fn tick(&mut self) -> FingerTick<4> {
+    fn tick(&mut self) -> FingerTick<4, 8> {
         let sensed = self.finger.readings();
         let tick = self.controller.tick(&sensed, &self.gravity, PERIOD_S);
         for _ in 0..5 {
@@ -67,7 +71,7 @@ impl Bench {
 /// Every mode that a joint can have.
 const MODES: [ServoMode; 6] = [
     ServoMode::Off,
-    ServoMode::Tension,
+    ServoMode::Effort,
     ServoMode::Torque,
     ServoMode::Position,
     ServoMode::Grasp,
@@ -118,16 +122,12 @@ impl Bench {
     }
 }
 
-/// The largest change of a tension, N.
-fn step(a: &FingerTick<4>, b: &FingerTick<4>) -> f64 {
-    let pairs = a.output.tension.iter().zip(&b.output.tension);
-    pairs.fold(0.0, |largest, (a, b)| {
-        let step = max((a.flexor - b.flexor).abs(), (a.extensor - b.extensor).abs());
-        max(largest, step)
-    })
+/// The largest change of an effort, N.
+fn step(a: &FingerTick<4, 8>, b: &FingerTick<4, 8>) -> f64 {
+    largest_step(&a.output.effort, &b.output.effort)
 }
 
-/// What the damping of the stops adds to a tension or takes from it at most in a tick, for each rad/s of the
+/// What the damping of the stops adds to an effort or takes from it at most in a tick, for each rad/s of the
 /// fastest joint in this tick or the one before, N: that of the joint itself and of those which it would
 /// accelerate, in the posture of the greatest inertia.
 fn stop_step() -> f64 {
@@ -138,7 +138,9 @@ fn stop_step() -> f64 {
         let inertia = mass.row(number).abs().sum() + joint.friction.armature;
         let w = core::f64::consts::TAU * joint.stop.bandwidth_hz;
         let torque = 2.0 * joint.stop.damping_ratio * w * inertia;
-        max(most, torque / joint.flexor.arm_m)
+        // Each joint has a flexor of its own.
+        let arm = entry.actuators[2 * number].arm(&joint.name);
+        max(most, torque / arm)
     })
 }
 
@@ -255,7 +257,7 @@ fn an_impedance_is_bounded_and_an_error_names_the_value_and_the_bounds() {
         kept,
         FingerReadings {
             position: *bench.finger.q(),
-            tension: *bench.finger.tensions(),
+            effort: *bench.finger.efforts(),
             touch: 0.0,
         },
     );
@@ -305,7 +307,7 @@ fn the_stiffest_impedance_of_all_joints_comes_to_rest_in_every_posture() {
     }
 }
 
-/// A load beyond what the tendons have does not take a tension beyond its limits.
+/// A load beyond what the tendons have does not take an effort beyond its limits.
 #[test]
 fn an_impedance_keeps_to_the_limits_of_its_tendons_and_to_its_stops() {
     let mut bench = Bench::held();
@@ -340,7 +342,7 @@ fn changes_without_a_jump(from: ServoMode, to: ServoMode, load: f64) {
         let tick = bench.tick();
         assert_eq!(tick.fault, None);
         let step = step(&last, &tick);
-        // At most the tensions that held the finger go, in the forty ticks of a transition.
+        // At most the efforts that held the finger go, in the forty ticks of a transition.
         assert!(
             step < 0.2 + at_stops * rate,
             "{step} N at {rate} rad/s {said}"
@@ -445,7 +447,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn any_changes_of_mode_keep_tensions_within_limits_and_without_a_jump(changes in changes()) {
+    fn any_changes_of_mode_keep_efforts_within_limits_and_without_a_jump(changes in changes()) {
         let mut bench = Bench::held();
         let greatest = [0, 1, 2, 3].map(|joint| bench.greatest(joint));
         let at_stops = stop_step();
@@ -464,14 +466,12 @@ proptest! {
             };
             for _ in 0..=ticks {
                 let tick = bench.tick();
-                for pair in &tick.output.tension {
-                    for tension in [pair.flexor, pair.extensor] {
-                        prop_assert!((4.0..=130.0).contains(&tension), "{tension} N");
-                    }
+                for effort in &tick.output.effort {
+                    prop_assert!((4.0..=130.0).contains(effort), "{effort} N");
                 }
                 let step = step(&last, &tick);
-                // The stiffest spring that goes 0.7 rad in the forty ticks of a transition changes a
-                // tension by 1 N a tick, and two joints may change what pulls one tendon.
+                // The stiffest spring that goes 0.7 rad in the forty ticks of a transition changes an
+                // effort by 1 N a tick, and two joints may change what pulls one tendon.
                 let rates = [&last, &tick].map(|tick| tick.output.velocity.amax());
                 let most = 2.0 + at_stops * max(rates[0], rates[1]);
                 prop_assert!(step < most, "{step} N by {change:?} of joint {joint}");

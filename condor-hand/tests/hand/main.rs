@@ -17,20 +17,21 @@ mod dynamics;
 mod dynamics_physics;
 mod kinematics;
 mod nearest;
-mod tendons;
+mod transmission;
 mod wiring;
 
 // Its control.
 mod control;
 mod controller;
 mod controller_guards;
+mod effort_servo;
 mod faults;
 mod grasp;
 mod impedance;
+mod servo_actuators;
 mod servo_closed_loop;
 mod soft_stop;
 mod table;
-mod tension_servo;
 mod trajectory;
 mod tunable;
 

@@ -11,7 +11,7 @@ mod contacts;
 mod drives;
 mod energy;
 mod grasp;
-mod mechanisms;
+pub(crate) mod mechanisms;
 mod noise;
 mod replay;
 mod table;

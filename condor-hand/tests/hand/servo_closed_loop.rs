@@ -7,9 +7,9 @@ mod trials;
 
 use condor_hand::math::{max, min};
 use condor_hand::servo::{JointTarget, ServoMode};
-use condor_hand::tendon::{Pair, TendonPairs};
 use condor_hand::trajectory::SetPoint;
 
+use crate::support::largest_step;
 use rig::{FINGERS, JOINTS, Rig, Simulated, posture, shipped};
 use trials::{GOALS, Tuning, strokes, tuned};
 
@@ -32,13 +32,6 @@ fn give(rig: &mut Rig<Simulated>, finger: usize, joint: usize, target: JointTarg
     rig.fingers[finger].set_target(joint, target).unwrap();
 }
 
-fn largest_step(a: &TendonPairs<f64, JOINTS>, b: &TendonPairs<f64, JOINTS>) -> f64 {
-    a.iter()
-        .zip(b)
-        .flat_map(|(a, b)| [a.flexor - b.flexor, a.extensor - b.extensor])
-        .fold(0.0, |largest, step| max(largest, step.abs()))
-}
-
 #[test]
 fn the_shipped_gains_keep_their_goals() {
     let configuration = shipped().unwrap();
@@ -49,16 +42,16 @@ fn the_shipped_gains_keep_their_goals() {
     assert!(errors.peak_deg < 0.2, "{errors:?}");
 }
 
-/// The bounds of stability with the tension servos that bring actuators of 20 Hz to 40 Hz, and what
+/// The bounds of stability with the effort servos that bring actuators of 20 Hz to 40 Hz, and what
 /// is judged there: beyond them joints or commands move at rest.
 #[test]
 fn joints_of_20_hz_need_a_velocity_filter_of_100_hz() {
     let configuration = shipped().unwrap();
-    let at_rest = |bandwidth_hz, velocity_cutoff_hz, kt| {
+    let at_rest = |bandwidth_hz, velocity_cutoff_hz, kp| {
         let tuning = Tuning {
             bandwidth_hz,
             velocity_cutoff_hz,
-            kt,
+            kp,
         };
         let configuration = tuned(&configuration, &tuning);
         let plant = Simulated::new(&configuration).unwrap();
@@ -72,29 +65,29 @@ fn joints_of_20_hz_need_a_velocity_filter_of_100_hz() {
 }
 
 #[test]
-fn a_step_of_torque_arrives_in_the_tendons_and_leaves_the_other_joints_alone() {
+fn a_step_of_torque_arrives_in_the_actuators_and_leaves_the_other_joints_alone() {
     let mut rig = rig();
     run(&mut rig, 0.5);
-    let arms = shipped().unwrap().fingers[1].moment_arms().unwrap();
+    let linear = shipped().unwrap().fingers[1].transmission().unwrap();
     let joint = 1;
     rig.fingers[1].set_mode(joint, ServoMode::Torque).unwrap();
     run(&mut rig, 0.3);
     let before = rig.state[1];
-    let held = arms.torque(&before.tension)[joint];
+    let held = linear.torque(&before.effort)[joint];
     let step = 0.05;
     give(&mut rig, 1, joint, JointTarget::Torque(held + step));
     let mut rise = None;
     for tick in 0..40_u32 {
         rig.tick().unwrap();
-        let torque = arms.torque(&rig.state[1].tension)[joint];
+        let torque = linear.torque(&rig.state[1].effort)[joint];
         if rise.is_none() && torque > held + 0.9 * step {
             rise = Some(tick);
         }
     }
-    // From 20 Hz to 40 Hz, as K_T = 1 makes it: 2.3 time constants of 4 ms.
+    // From 20 Hz to 40 Hz, as kp = 1 makes it: 2.3 time constants of 4 ms.
     let rise_s = f64::from(rise.expect("the torque never arrives")) / f64::from(TICKS_PER_S);
     assert!((0.004..=0.015).contains(&rise_s), "{rise_s} s");
-    let torque = arms.torque(&rig.state[1].tension)[joint];
+    let torque = linear.torque(&rig.state[1].effort)[joint];
     assert!((torque - held - step).abs() < 0.002, "{torque} N m");
     assert!(rig.state[1].position[joint] > before.position[joint] + 0.1);
     for other in [0, 2, 3] {
@@ -107,24 +100,17 @@ fn a_step_of_torque_arrives_in_the_tendons_and_leaves_the_other_joints_alone() {
 }
 
 #[test]
-fn tensions_that_are_asked_for_are_there() {
+fn efforts_that_are_asked_for_are_there() {
     let mut rig = rig();
     run(&mut rig, 0.5);
-    let asked = Pair {
-        flexor: 31.0,
-        extensor: 30.0,
-    };
-    for joint in 0..JOINTS {
-        give(&mut rig, 3, joint, JointTarget::Tension(asked));
+    // Flexors and extensors in turn.
+    let asked = [31.0, 30.0, 31.0, 30.0, 31.0, 30.0, 31.0, 30.0];
+    for (actuator, &effort) in asked.iter().enumerate() {
+        rig.fingers[3].set_effort(actuator, effort).unwrap();
     }
     run(&mut rig, 0.2);
-    for tension in &rig.state[3].tension {
-        assert!((tension.flexor - asked.flexor).abs() < 0.1, "{tension:?}");
-        assert!(
-            (tension.extensor - asked.extensor).abs() < 0.1,
-            "{tension:?}"
-        );
-    }
+    let measured = &rig.state[3].effort;
+    assert!(largest_step(measured, &asked) < 0.1, "{measured:?}");
 }
 
 #[test]
@@ -139,7 +125,7 @@ fn a_joint_in_motion_changes_its_mode_without_a_step_and_comes_back() {
         0.4,
     )
     .unwrap();
-    let mut tensions = rig.state[finger].tension;
+    let mut efforts = rig.state[finger].effort;
     for tick in 0..400_u32 {
         let now = f64::from(tick) / f64::from(TICKS_PER_S);
         if tick % rig.substeps() == 0 {
@@ -159,11 +145,11 @@ fn a_joint_in_motion_changes_its_mode_without_a_step_and_comes_back() {
             _ => {}
         }
         let ticks = rig.tick().unwrap();
-        let now = ticks[finger].output.tension;
+        let now = ticks[finger].output.effort;
         if matches!(tick, 80 | 120) {
-            assert!(largest_step(&tensions, &now) < 1e-9, "tick {tick}");
+            assert!(largest_step(&efforts, &now) < 1e-9, "tick {tick}");
         }
-        tensions = now;
+        efforts = now;
     }
     // It has joined the motion again.
     let error = rig.state[finger].position[joint] - to;

@@ -32,13 +32,15 @@ fn a_stop_pushes_inwards_and_never_pulls() {
 #[cfg_attr(miri, ignore = "square roots are inline assembly")]
 fn a_stop_alone_is_accepted_where_it_was_seen_to_be_stable() {
     let text = include_str!("../../hands/utah-mit.toml");
-    let shipped = Hand::<4, 4>::from_toml(text, "utah-mit.toml").unwrap();
-    let rests = |bandwidth_hz, velocity_cutoff_hz, kt| {
+    let shipped = Hand::<4, 4, 8>::from_toml(text, "utah-mit.toml").unwrap();
+    let rests = |bandwidth_hz, velocity_cutoff_hz, kp| {
         let mut hand = shipped.clone();
+        for actuator in &mut hand.fingers[0].actuators {
+            actuator.gains.kp = kp;
+        }
         let joint = &mut hand.fingers[0].joints[1];
         joint.servo.law = ServoLaw::Pd;
         joint.servo.velocity_cutoff_hz = velocity_cutoff_hz;
-        (joint.flexor.gains.kt, joint.extensor.gains.kt) = (kt, kt);
         joint.stop.bandwidth_hz = bandwidth_hz;
         joint.stop.damping_ratio = joint.servo.zeta;
         hand.check().is_ok()

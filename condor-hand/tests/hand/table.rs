@@ -22,7 +22,7 @@ const UPDATES: u32 = 5;
 const MOST_N: f64 = 200.0;
 const HIGH: f64 = 0.2;
 
-fn hand() -> Hand<4, 4> {
+fn hand() -> Hand<4, 4, 8> {
     Hand::from_toml(TEXT, "utah-mit.toml").unwrap()
 }
 
@@ -40,7 +40,7 @@ struct Rig {
 }
 
 impl Rig {
-    fn of(hand: &Hand<4, 4>) -> Self {
+    fn of(hand: &Hand<4, 4, 8>) -> Self {
         Self {
             controller: TableController::new(hand).unwrap().unwrap(),
             plant: machine().table(hand.table.as_ref().unwrap()).unwrap(),
@@ -312,13 +312,24 @@ fn shaken(feed_forward: bool) -> f64 {
     let posture = Vector4::new(0.0, 0.6, 0.8, 0.7);
     let mut plant = plant::SimHand::new(
         [machine
-            .finger(finger, finger.planar().unwrap(), posture)
+            .finger(
+                finger,
+                finger.planar().unwrap(),
+                finger.transmission().unwrap(),
+                posture,
+            )
             .unwrap()],
         machine.hand_parameters(&hand),
     )
     .unwrap()
     .with_table(machine.table(hand.table.as_ref().unwrap()).unwrap());
-    let mut controller = FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap();
+    let mut controller = FingerController::new(
+        &hand,
+        finger,
+        finger.planar().unwrap(),
+        finger.transmission().unwrap(),
+    )
+    .unwrap();
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
@@ -345,7 +356,7 @@ fn shaken(feed_forward: bool) -> f64 {
         let of_finger = &plant.fingers()[0];
         let sensed = FingerReadings {
             position: *of_finger.q(),
-            tension: *of_finger.tensions(),
+            effort: *of_finger.efforts(),
             touch: 0.0,
         };
         let done = controller.tick(&sensed, &gravity, PERIOD_S);

@@ -3,32 +3,35 @@
 #![allow(clippy::float_cmp, reason = "ends of ranges are exact")]
 
 use condor_hand::config::{
-    AxisNumber, FaultNumber, FaultPolicy, Hand, Joint, JointNumber, MotionNumber,
+    Actuator, ActuatorNumber, AxisNumber, FaultNumber, FaultPolicy, Hand, Joint, JointNumber,
+    MotionNumber,
 };
 use condor_hand::controller::{AxisServo, FingerController};
+use condor_hand::fault::{FaultCode, FaultSite};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
 use condor_hand::servo::{FingerReadings, JointTarget, ServoMode, ServoRefusal};
-use condor_hand::tendon::fault::{FaultCode, FaultSite};
-use condor_hand::tendon::{Pair, TendonPairs};
 use condor_hand::trajectory::{
     Generator, Observations, Pace, Primitive, Profile, ProfileLimits, SetPoint, Target,
 };
+use condor_hand::transmission::Linear;
 use nalgebra::{Vector3, Vector4};
+
+use crate::support::largest_step;
 
 const TEXT: &str = include_str!("../../hands/utah-mit.toml");
 const HZ: u32 = 400;
 const PERIOD_S: f64 = 1.0 / 400.0;
 
-type Controller = FingerController<PlanarFinger, 4>;
+type Controller = FingerController<PlanarFinger, Linear<4, 8>, 4, 8>;
 
-/// The hand, whose joints have all filters.
-fn hand() -> Hand<4, 4> {
+/// The hand, whose joints and actuators have all filters.
+fn hand() -> Hand<4, 4, 8> {
     let filters = "position_cutoff_hz = 190.0\nvelocity_cutoff_hz = 100.0";
     let text = TEXT.replace("velocity_cutoff_hz = 100.0", filters);
     let text = text.replace(
-        "gains = { kt = 1.0 }",
-        "gains = { kt = 1.0 }\ncutoff_hz = 150.0",
+        "gains = { kp = 1.0 }",
+        "gains = { kp = 1.0 }\ncutoff_hz = 150.0",
     );
     let mut hand = Hand::from_toml(&text, "utah-mit.toml").unwrap();
     // The sensors of these tests say what the tests say.
@@ -36,7 +39,7 @@ fn hand() -> Hand<4, 4> {
     hand
 }
 
-fn put(joint: &mut Joint<4>, number: JointNumber, value: f64) {
+fn put(joint: &mut Joint, number: JointNumber, value: f64) {
     match number {
         JointNumber::Low => joint.limits.low = value,
         JointNumber::High => joint.limits.high = value,
@@ -44,41 +47,49 @@ fn put(joint: &mut Joint<4>, number: JointNumber, value: f64) {
         JointNumber::StopBandwidth => joint.stop.bandwidth_hz = value,
         JointNumber::PositionCutoff => joint.servo.position_cutoff_hz = Some(value),
         JointNumber::VelocityCutoff => joint.servo.velocity_cutoff_hz = value,
-        JointNumber::FlexorSlack => joint.flexor.slack_n = value,
-        JointNumber::FlexorBreak => joint.flexor.break_n = value,
-        JointNumber::FlexorCutoff => joint.flexor.cutoff_hz = Some(value),
-        JointNumber::ExtensorSlack => joint.extensor.slack_n = value,
-        JointNumber::ExtensorBreak => joint.extensor.break_n = value,
-        JointNumber::ExtensorCutoff => joint.extensor.cutoff_hz = Some(value),
     }
 }
 
-fn controller(hand: &Hand<4, 4>) -> Controller {
-    let finger = &hand.fingers[0];
-    FingerController::new(hand, finger, finger.planar().unwrap()).unwrap()
+fn put_actuator(actuator: &mut Actuator<4>, number: ActuatorNumber, value: f64) {
+    match number {
+        ActuatorNumber::Below => actuator.faults.below = Some(value),
+        ActuatorNumber::Above => actuator.faults.above = Some(value),
+        ActuatorNumber::Cutoff => actuator.cutoff_hz = Some(value),
+    }
 }
 
-fn tick(controller: &mut Controller, tensions: &mut TendonPairs<f64, 4>) -> Option<FaultCode> {
+fn controller(hand: &Hand<4, 4, 8>) -> Controller {
+    let finger = &hand.fingers[0];
+    FingerController::new(
+        hand,
+        finger,
+        finger.planar().unwrap(),
+        finger.transmission().unwrap(),
+    )
+    .unwrap()
+}
+
+fn tick(controller: &mut Controller, efforts: &mut [f64; 8]) -> Option<FaultCode> {
     let sensed = FingerReadings {
         position: Vector4::new(0.1, 0.6, 0.8, 0.7),
-        tension: *tensions,
+        effort: *efforts,
         touch: 0.0,
     };
     let tick = controller.tick(&sensed, &Vector3::new(0.0, 0.0, -9.81), PERIOD_S);
-    *tensions = tick.output.tension;
+    *efforts = tick.output.effort;
     tick.fault.map(|fault| fault.code)
 }
 
-/// A finger that holds its posture, and its tensions.
-fn holding(hand: &Hand<4, 4>) -> (Controller, TendonPairs<f64, 4>) {
-    let (mut controller, mut tensions) = (controller(hand), [Pair::both(4.0); 4]);
+/// A finger that holds its posture, and its efforts.
+fn holding(hand: &Hand<4, 4, 8>) -> (Controller, [f64; 8]) {
+    let (mut controller, mut efforts) = (controller(hand), [4.0; 8]);
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     for _ in 0..60 {
-        assert_eq!(tick(&mut controller, &mut tensions), None);
+        assert_eq!(tick(&mut controller, &mut efforts), None);
     }
-    (controller, tensions)
+    (controller, efforts)
 }
 
 #[test]
@@ -91,8 +102,8 @@ fn a_description_may_have_all_numbers_at_any_ends_of_their_ranges() {
     for choice in choices {
         let mut hand = described.clone();
         for finger in &mut hand.fingers {
-            for joint in &mut finger.joints {
-                let ranges = joint.ranges(HZ);
+            let of_joints = [0, 1, 2, 3].map(|joint| finger.ranges(joint, HZ));
+            for (joint, ranges) in finger.joints.iter_mut().zip(of_joints) {
                 for (place, (number, range)) in JointNumber::ALL.into_iter().zip(ranges).enumerate()
                 {
                     let range = range.unwrap();
@@ -109,6 +120,17 @@ fn a_description_may_have_all_numbers_at_any_ends_of_their_ranges() {
                         choice >> place & 1
                     };
                     put(joint, number, range[end]);
+                }
+            }
+            for actuator in &mut finger.actuators {
+                let numbers = ActuatorNumber::ALL.into_iter();
+                for (place, (number, range)) in numbers.zip(actuator.ranges(HZ)).enumerate() {
+                    let (value, range) = (number.of(actuator).unwrap(), range.unwrap());
+                    assert!(
+                        range[0] <= value && value <= range[1] && range[0] < range[1],
+                        "{number:?}: {range:?}"
+                    );
+                    put_actuator(actuator, number, range[choice >> place & 1]);
                 }
             }
         }
@@ -140,8 +162,9 @@ fn a_description_may_have_all_numbers_at_any_ends_of_their_ranges() {
 #[test]
 fn ranges_are_as_near_to_the_description_as_is_safe() {
     let hand = hand();
-    let joint = &hand.fingers[0].joints[1];
-    let range = |number: JointNumber| joint.ranges(HZ)[number as usize].unwrap();
+    let finger = &hand.fingers[0];
+    let joint = &finger.joints[1];
+    let range = |number: JointNumber| finger.ranges(1, HZ)[number as usize].unwrap();
     assert_eq!(
         range(JointNumber::StopBandwidth),
         [0.0, joint.stop.bandwidth_hz]
@@ -155,16 +178,20 @@ fn ranges_are_as_near_to_the_description_as_is_safe() {
         (10.0..100.0).contains(&slow) && fast < 200.0,
         "{slow} to {fast}"
     );
-    let [slack, most] = range(JointNumber::FlexorSlack);
+    let flexor = &finger.actuators[2];
+    let range = |number: ActuatorNumber| flexor.ranges(HZ)[number as usize].unwrap();
+    // A count of the sensor is 0.05 N.
+    let [least, most] = range(ActuatorNumber::Below);
     assert!(
-        slack == 0.0 && most < joint.flexor.min_n && most > 3.9,
-        "{slack} to {most}"
+        least == 0.0 && most < flexor.limits.low && most > 3.9,
+        "{least} to {most}"
     );
-    let [least, breaks] = range(JointNumber::FlexorBreak);
+    let [least, most] = range(ActuatorNumber::Above);
     assert!(
-        least > joint.flexor.max_n && least < 131.0,
-        "{least} to {breaks}"
+        least > flexor.limits.high && least < 131.0 && (most - 200.0).abs() < 1e-9,
+        "{least} to {most}"
     );
+    assert_eq!(finger.ranges(4, HZ), [None; 6]);
     let faults = FaultPolicy {
         tracking_rad: 0.35,
         ..hand.faults
@@ -181,35 +208,49 @@ fn ranges_are_as_near_to_the_description_as_is_safe() {
         limits.velocity.to_bits()
     );
     // A filter that there is not cannot be added.
-    let bare = Hand::<4, 4>::from_toml(TEXT, "utah-mit.toml").unwrap();
-    let ranges = bare.fingers[0].joints[0].ranges(HZ);
-    assert_eq!(ranges[JointNumber::PositionCutoff as usize], None);
-    assert_eq!(ranges[JointNumber::FlexorCutoff as usize], None);
+    let bare = Hand::<4, 4, 8>::from_toml(TEXT, "utah-mit.toml").unwrap();
+    let bare = &bare.fingers[0];
+    assert_eq!(
+        bare.ranges(0, HZ)[JointNumber::PositionCutoff as usize],
+        None
+    );
+    let ranges = bare.actuators[0].ranges(HZ);
+    assert_eq!(ranges[ActuatorNumber::Cutoff as usize], None);
+}
+
+/// Changes a number of a finger that holds its posture, which must make no step.
+fn has_no_step(hand: &Hand<4, 4, 8>, change: impl FnOnce(&mut Controller), number: &str) {
+    let (mut controller, mut efforts) = holding(hand);
+    change(&mut controller);
+    let before = efforts;
+    // Past a limit that comes nearer is a fault, which takes samples in a row.
+    assert_eq!(tick(&mut controller, &mut efforts), None, "{number}");
+    let step = largest_step(&before, &efforts);
+    assert!(step < 1e-9, "{number}: {step}");
 }
 
 #[test]
-fn no_number_makes_a_step_of_tension() {
+fn no_number_makes_a_step_of_effort() {
     let hand = hand();
-    let ranges = hand.fingers[0].joints[1].ranges(HZ);
-    for (number, range) in JointNumber::ALL.into_iter().zip(ranges) {
+    let finger = &hand.fingers[0];
+    for (number, range) in JointNumber::ALL.into_iter().zip(finger.ranges(1, HZ)) {
         for end in range.unwrap() {
-            let (mut controller, mut tensions) = holding(&hand);
-            controller.set_number(1, number, end).unwrap();
-            let is_set = controller.number(1, number).unwrap().to_bits() == end.to_bits();
-            assert!(is_set, "{number:?}");
-            let before = tensions;
-            // Past a limit that comes nearer is a fault, which takes samples in a row.
-            assert_eq!(tick(&mut controller, &mut tensions), None, "{number:?}");
-            for (before, after) in before.iter().zip(&tensions) {
-                let steps = [
-                    after.flexor - before.flexor,
-                    after.extensor - before.extensor,
-                ];
-                assert!(
-                    steps.iter().all(|step| step.abs() < 1e-9),
-                    "{number:?}: {steps:?}"
-                );
-            }
+            let change = |controller: &mut Controller| {
+                controller.set_number(1, number, end).unwrap();
+                assert_eq!(controller.number(1, number), Some(end), "{number:?}");
+            };
+            has_no_step(&hand, change, number.name().0);
+        }
+    }
+    let ranges = finger.actuators[2].ranges(HZ);
+    for (number, range) in ActuatorNumber::ALL.into_iter().zip(ranges) {
+        for end in range.unwrap() {
+            let change = |controller: &mut Controller| {
+                controller.set_actuator_number(2, number, end).unwrap();
+                let is = controller.actuator_number(2, number);
+                assert_eq!(is, Some(end), "{number:?}");
+            };
+            has_no_step(&hand, change, number.name().0);
         }
     }
 }
@@ -217,11 +258,11 @@ fn no_number_makes_a_step_of_tension() {
 #[test]
 fn a_threshold_that_is_lowered_makes_its_fault() {
     let hand = hand();
-    let (mut controller, mut tensions) = holding(&hand);
+    let (mut controller, mut efforts) = holding(&hand);
     let target = JointTarget::Position(SetPoint::rest(0.7));
     controller.set_target(1, target).unwrap();
     for _ in 0..200 {
-        assert_eq!(tick(&mut controller, &mut tensions), None);
+        assert_eq!(tick(&mut controller, &mut efforts), None);
     }
     controller
         .set_fault_number(FaultNumber::Tracking, 0.05)
@@ -231,26 +272,26 @@ fn a_threshold_that_is_lowered_makes_its_fault() {
         .unwrap();
     assert!((controller.faults().tracking_rad - 0.05).abs() < f64::EPSILON);
     for _ in 0..2 {
-        assert_eq!(tick(&mut controller, &mut tensions), None);
+        assert_eq!(tick(&mut controller, &mut efforts), None);
     }
     assert_eq!(
-        tick(&mut controller, &mut tensions),
+        tick(&mut controller, &mut efforts),
         Some(FaultCode::Tracking)
     );
 
     // The joint is at 0.6 rad; the thresholds of the others stay.
-    let (mut controller, mut tensions) = holding(&hand);
-    let slack = tensions[2].extensor + 1.0;
+    let (mut controller, mut efforts) = holding(&hand);
+    let least = efforts[5] + 1.0;
     controller
-        .set_number(2, JointNumber::ExtensorSlack, slack)
+        .set_actuator_number(5, ActuatorNumber::Below, least)
         .unwrap();
     let mut fault = None;
-    for _ in 0..hand.faults.tension_samples {
-        fault = tick(&mut controller, &mut tensions);
+    for _ in 0..hand.faults.effort_samples {
+        fault = tick(&mut controller, &mut efforts);
     }
-    assert_eq!(fault, Some(FaultCode::Slack));
+    assert_eq!(fault, Some(FaultCode::LowEffort));
     let site = controller.fault().unwrap().site;
-    assert_eq!(site, FaultSite::Extensor(2));
+    assert_eq!(site, FaultSite::Actuator(5));
 }
 
 #[test]
@@ -261,10 +302,8 @@ fn a_number_that_no_joint_can_have_is_refused_and_changes_nothing() {
         (JointNumber::VelocityCutoff, 200.0),
         (JointNumber::VelocityCutoff, 0.0),
         (JointNumber::PositionCutoff, f64::NAN),
-        (JointNumber::FlexorCutoff, f64::INFINITY),
         (JointNumber::Low, 9.0),
         (JointNumber::Zone, -0.1),
-        (JointNumber::ExtensorBreak, f64::NAN),
     ] {
         let before = controller.number(1, number);
         let refused = controller.set_number(1, number, value);
@@ -274,6 +313,22 @@ fn a_number_that_no_joint_can_have_is_refused_and_changes_nothing() {
         );
         assert_eq!(controller.number(1, number), before);
     }
+    for (number, value) in [
+        (ActuatorNumber::Cutoff, f64::INFINITY),
+        (ActuatorNumber::Cutoff, 200.0),
+        (ActuatorNumber::Above, f64::NAN),
+        (ActuatorNumber::Above, -1.0),
+    ] {
+        let before = controller.actuator_number(3, number);
+        let refused = controller.set_actuator_number(3, number, value);
+        assert!(
+            matches!(refused, Err(ServoRefusal::Gain(_))),
+            "{number:?}: {refused:?}"
+        );
+        assert_eq!(controller.actuator_number(3, number), before);
+    }
+    let refused = controller.set_actuator_number(8, ActuatorNumber::Below, 1.0);
+    assert_eq!(refused, Err(ServoRefusal::no_actuator(8, 8)));
     let refused = controller.set_number(4, JointNumber::Zone, 0.1);
     assert_eq!(refused, Err(ServoRefusal::no_joint(4, 4)));
     let refused = controller.set_fault_number(FaultNumber::Tracking, -1.0);

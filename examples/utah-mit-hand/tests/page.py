@@ -20,7 +20,7 @@ from browser import SCREENS, Browser, keep, until
 PARAMETER = "index.proximal.servo.bandwidth_hz"
 # Of the session of a grasp: what is typed, and what the master then says.
 GRASP = [("", "wave is done"), ("run grasp", "grasp is done"), ("ball", "ball"), ("grasp 150", "grasp 150")]
-CURVES = ["index.proximal.position", "index.proximal.flexor.tension", "thumb.proximal.flexor.tension"]
+CURVES = ["index.proximal.position", "index.proximal-flexor.effort", "thumb.proximal-flexor.effort"]
 RIGHT, ENTER = "\ue014", "\ue007"
 
 

@@ -12,7 +12,7 @@ const TEXT: &str = include_str!("../../../condor-hand/hands/utah-mit.toml");
 
 /// The image of the shipped hand as the exercise needs it.
 fn image() -> Vec<u8> {
-    let mut hand = Hand::<4, 4>::from_toml(TEXT, "utah-mit.toml").unwrap();
+    let mut hand = Hand::<4, 4, 8>::from_toml(TEXT, "utah-mit.toml").unwrap();
     // The exercise has sensors that wander whatever is asked of them, and that fail for longer.
     hand.faults.frozen_rad = 10.0;
     hand.faults.lost_samples = 40;

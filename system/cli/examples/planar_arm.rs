@@ -87,7 +87,7 @@ impl Robot for Arm {
             name: "arm".into(),
             points: self.chain(positions),
             radius_m: 0.02,
-            tension: None,
+            effort: None,
         }]
     }
 

@@ -3,7 +3,7 @@
 import { color, fitted } from './element.js';
 
 const TURN = Math.PI / 24, ZOOM = 1.15;
-// The least difference of tensions between the weakest and the strongest colour, N.
+// The least difference of efforts between the weakest and the strongest colour, N.
 const LEAST = 1;
 // The length of the arrow of a contact for each newton, m.
 const FORCE = 0.003;
@@ -111,10 +111,10 @@ export class Figure {
 
   take(scene) {
     this.scene = scene;
-    for (const { tension } of scene.lines) {
-      if (typeof tension !== 'number') continue;
-      const [least, greatest] = this.range ?? [tension, tension];
-      this.range = [Math.min(least, tension), Math.max(greatest, tension)];
+    for (const { effort } of scene.lines) {
+      if (typeof effort !== 'number') continue;
+      const [least, greatest] = this.range ?? [effort, effort];
+      this.range = [Math.min(least, effort), Math.max(greatest, effort)];
     }
     // The sphere about the middle of all that was drawn; it only grows, so that the picture rests.
     for (const [x, y, z] of scene.lines.flatMap(line => line.points)) {
@@ -127,10 +127,10 @@ export class Figure {
     this.changed();
   }
 
-  // The part of the range of tensions at which one is.
-  part(tension) {
+  // The part of the range of efforts at which one is.
+  part(effort) {
     const [least, greatest] = this.range;
-    return (tension - least) / Math.max(greatest - least, LEAST);
+    return (effort - least) / Math.max(greatest - least, LEAST);
   }
 
   tint(part) {
@@ -198,7 +198,7 @@ export class Figure {
     path.lineTo(u, v);
     context.lineCap = 'round';
     if (line.isTendon) {
-      const part = typeof line.tension === 'number' ? this.part(line.tension) : 0;
+      const part = typeof line.effort === 'number' ? this.part(line.effort) : 0;
       context.strokeStyle = this.tint(part);
       context.lineWidth = this.width(part);
       context.stroke(path);
@@ -310,7 +310,7 @@ export class Figure {
     context.fillText(name, ...at);
   }
 
-  // Draws the scale of tensions from the least to the greatest.
+  // Draws the scale of efforts from the least to the greatest.
   legend(canvas) {
     const { context, width, height } = fitted(canvas);
     const steps = 24;

@@ -25,7 +25,7 @@ function warnings({ events, overloads, collisions }) {
   const refused = events.filter(({ what }) => what === 'refused' || what === 'waits');
   return [
     ...refused.map(event => `${seconds(event.at_s)}: step ${event.step} ${HAPPENS[event.what]}${event.reason ? `: ${event.reason}` : ''}`),
-    ...overloads.map(it => `${within(it)}: the tendons of ${it.joint} cannot give ${it.torque.toFixed(3)} N m, but ${it.possible.toFixed(3)} N m`),
+    ...overloads.map(it => `${within(it)}: the actuators of ${it.joint} cannot give ${it.torque.toFixed(3)} N m, but ${it.possible.toFixed(3)} N m`),
     ...collisions.map(it => `${within(it)}: ${it.parts.join(' and ')} meet, ${(-1e3 * it.distance_m).toFixed(1)} mm deep`),
   ];
 }
@@ -79,16 +79,16 @@ export class Plan {
     const key = document.activeElement?.dataset.joint;
     peaks.replaceChildren(...plan.peaks.map(peak => this.row(peak)));
     if (key) peaks.querySelector(`[data-joint="${CSS.escape(key)}"]`)?.focus({ preventScroll: true });
-    const most = peak => Math.max(peak.velocity, peak.torque ?? 0, peak.tension ?? 0);
+    const most = peak => Math.max(peak.velocity, peak.torque ?? 0, peak.effort ?? 0);
     const first = plan.peaks.reduce((best, peak) => (best && most(best) >= most(peak) ? best : peak), null);
     if (!plan.joints.some(joint => joint.name === this.joint)) this.joint = first?.joint ?? null;
     this.choose(this.joint);
   }
 
-  row({ joint, velocity, torque, tension }) {
+  row({ joint, velocity, torque, effort }) {
     const button = element('button', { type: 'button', textContent: joint, onclick: () => this.choose(joint) });
     button.dataset.joint = joint;
-    const cells = [velocity, torque, tension].map(part => {
+    const cells = [velocity, torque, effort].map(part => {
       const isOver = part > 1;
       return element('td', { className: isOver ? 'number bad' : 'number', textContent: `${isOver ? '⚠ ' : ''}${percent(part)}` });
     });
@@ -106,9 +106,10 @@ export class Plan {
     const { period, duration } = this.plan;
     const times = joint.position.map((_, at) => Math.min(at * period, duration));
     const panes = CURVES.map(([part, label, limits]) => ({ label, limits: limits(joint), curves: [[name, joint[part]]] }));
-    if (joint.tendons.length) {
-      const curves = joint.tendons.map(tendon => [tendon.name, tendon.tension]);
-      panes.push({ label: 'Tension, N', limits: joint.tendons[0].limits, curves });
+    if (joint.actuators.length) {
+      const curves = joint.actuators.map(actuator => [actuator.name, actuator.effort]);
+      const [least, greatest] = [0, 1].map(end => joint.actuators.map(actuator => actuator.limits[end]));
+      panes.push({ label: 'Effort, N or N m', limits: [Math.min(...least), Math.max(...greatest)], curves });
     }
     this.panes = panes.map(pane => this.pane(pane, times));
     this.nodes.curves.replaceChildren(element('h4', { textContent: `Curves of ${name}` }), ...this.panes.map(pane => pane.node));

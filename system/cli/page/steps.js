@@ -232,9 +232,9 @@ function targets(label, joints = {}) {
   return all.length ? [element('p', { textContent: `${label}: ${all.join(', ')}` })] : [];
 }
 
-function condition(label, { torque, tension, time, contact } = {}) {
+function condition(label, { torque, effort, time, contact } = {}) {
   const all = [
-    torque !== undefined && `a torque of ${torque} N m`, tension !== undefined && `a tension of ${tension} N`,
+    torque !== undefined && `a torque of ${torque} N m`, effort !== undefined && `an effort of ${effort} N or N m`,
     contact && 'contact', time !== undefined && `${time} s passed`,
   ].filter(Boolean);
   return all.length ? `${label}: ${all.join(', or ')}` : '';

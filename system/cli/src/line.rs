@@ -108,7 +108,7 @@ enum Command {
     /// Tries postures and motions of a robot that does not run
     ///
     /// A page for browsers shows the robot as its configuration describes it. With --check, a motion is checked
-    /// instead: limits, torques, tensions, collisions.
+    /// instead: limits, torques, efforts, collisions.
     Sim(commands::Sim),
     /// Connects this terminal to that of a processor; Ctrl-] leaves
     ///

@@ -11,8 +11,8 @@ mod simulator;
 pub use motions::{MotionFiles, MotionOutcome, MotionSender};
 pub use simulator::largest;
 pub use simulator::{
-    Clearance, Collision, DragResult, JointPlan, LimitedJoint, LimitedPosture, MotionPeaks,
-    Overload, Plan, PlanEvent, Simulator, TendonPlan, What,
+    ActuatorPlan, Clearance, Collision, DragResult, JointPlan, LimitedJoint, LimitedPosture,
+    MotionPeaks, Overload, Plan, PlanEvent, Simulator, What,
 };
 
 /// A robot as plots, recordings and viewers show it: its joints, and the places of its parts. An application implements
@@ -87,8 +87,9 @@ pub struct RobotLine {
     pub points: Vec<[f64; 3]>,
     /// Half the thickness of the part, in metres; 0 for a thread.
     pub radius_m: f64,
-    /// The variable that has its tension, in N; `None` for a part that is not a tendon.
-    pub tension: Option<String>,
+    /// The name of the variable by which the line is colored: the effort of the actuator that it shows, such as the
+    /// tension of a tendon, in N; `None` for a part without an actuator.
+    pub effort: Option<String>,
 }
 
 /// The place and the orientation of a link, relative to its parent link.

@@ -113,26 +113,26 @@ except ImportError:
     print(text_plot(time, {mark[0]: values for mark, values in errors.items()}))
 
 # %% Something breaks: a tendon, which nobody tells us. The robot in Python has a parameter for it.
-tendons = hand.outputs.of("flexor", "extensor")
+tendons = hand.outputs.of("actuator")
 broken = int(np.random.default_rng().integers(len(tendons)))
-of, which = hand.outputs.names[tendons[broken]], hand.outputs.kinds[tendons[broken]]
+tendon = hand.outputs.names[tendons[broken]]
 has_parameter = "cut" in [it.name for it in system.variables()]
 if has_parameter:
     system.set("cut", broken)
 else:
-    terminal.write(f"fault {of} {which}\n")
+    terminal.write(f"fault {tendon} drive\n")
 
 # %% Which finger has a fault? And which of its tendons has no tension?
 fingers = list(dict.fromkeys(joint.split(".")[0] for joint in hand.joints))
-with system.watch("*.fault", "*.tension") as watch:
+with system.watch("*.fault", "*.effort") as watch:
     faulty = []
     while not faulty:
         samples = watch.read(100, timeout=60)
         faulty = [finger for finger in fingers if samples[f"{finger}.fault"].values[-1] != 0]
-tensions = {name: samples[name].values[-1] for name in samples if name.split(".")[0] in faulty and "tension" in name}
+tensions = {name: samples[name].values[-1] for name in samples if name.split(".")[0] in faulty and name.endswith(".effort")}
 slack = min(tensions, key=tensions.get)
 print(f"{', '.join(faulty)} has a fault; the least tension is {tensions[slack]:.1f} N: {slack}")
-assert slack == f"{of}.{which}.tension", f"it was the {which} of {of}"
+assert slack == f"{tendon}.effort", f"it was {tendon}"
 
 # %% Mend it, and see that the motion runs again.
 if has_parameter:

@@ -15,6 +15,8 @@ use crate::failure::Failure;
 const FINGERS: usize = 8;
 /// The greatest number of joints of a finger.
 const JOINTS: usize = 4;
+/// The greatest number of actuators of a finger.
+const ACTUATORS: usize = 8;
 /// The greatest number of joints for which set-points can be made.
 const MOVED: usize = 32;
 /// The greatest size of the compiled text of a motion, in bytes.
@@ -24,11 +26,11 @@ const BYTES: usize = 8192;
 #[pyclass(frozen)]
 pub(crate) struct Hand {
     name: String,
-    view: HandView<FINGERS, JOINTS>,
+    view: HandView<FINGERS, JOINTS, ACTUATORS>,
     wires: Vec<WiringRow>,
 }
 
-/// A sensor or an actuator: `(name, kind, whether it is an output, board, channel, bits, gain, offset, least value)`.
+/// A sensor or an actuator: `(name, kind, whether it is an output, board, channel, bits, gain, offset, value at rest)`.
 type WiringRow = (String, &'static str, bool, u8, u8, u8, f64, f64, f64);
 
 /// A link relative to its parent: `(name, parent, x y z in m, quaternion x y z w)`.
@@ -161,10 +163,11 @@ impl Hand {
     }
 }
 
-/// Returns the wires of a hand: of each joint the position and the tendons, then the tips, then the axes of the table.
-fn wired(hand: &config::Hand<FINGERS, JOINTS>) -> Vec<WiringRow> {
+/// Returns the wires of a hand: of each finger the positions of its joints, its actuators and its tip, then the axes of
+/// the table.
+fn wired(hand: &config::Hand<FINGERS, JOINTS, ACTUATORS>) -> Vec<WiringRow> {
     let all = hand.wires().filter_map(|(at, wire)| {
-        let (name, kind, least) = end_of(hand, wire)?;
+        let (name, kind, at_rest) = end_of(hand, wire)?;
         let (is_output, bits, gain, offset) = match at.converter {
             Converter::Adc => {
                 let it = hand.input(wire)?;
@@ -177,28 +180,27 @@ fn wired(hand: &config::Hand<FINGERS, JOINTS>) -> Vec<WiringRow> {
         };
         let (board, channel) = (at.board, at.channel);
         Some((
-            name, kind, is_output, board, channel, bits, gain, offset, least,
+            name, kind, is_output, board, channel, bits, gain, offset, at_rest,
         ))
     });
     all.collect()
 }
 
-/// Returns the name and the kind of what is at the end of a wire, and the least tension that it has, N.
-fn end_of(hand: &config::Hand<FINGERS, JOINTS>, wire: Wire) -> Option<(String, &'static str, f64)> {
-    let joint_of = |finger: usize, joint: usize| {
-        let own = hand.joint(finger, joint)?;
-        let finger = &hand.fingers.get(finger)?.name;
-        Some((format!("{finger}.{}", own.name), own))
-    };
+/// Returns the name and the kind of what is at the end of a wire, and the effort of an actuator from which nothing is
+/// asked, N or N m; 0 for all else.
+fn end_of(
+    hand: &config::Hand<FINGERS, JOINTS, ACTUATORS>,
+    wire: Wire,
+) -> Option<(String, &'static str, f64)> {
+    let of = |finger: usize, part: &str| Some(format!("{}.{part}", hand.fingers.get(finger)?.name));
     Some(match wire {
-        Wire::Position { finger, joint } => (joint_of(finger, joint)?.0, "position", 0.0),
-        Wire::Flexor { finger, joint } => {
-            let (name, own) = joint_of(finger, joint)?;
-            (name, "flexor", own.flexor.min_n)
+        Wire::Position { finger, joint } => {
+            let name = of(finger, &hand.joint(finger, joint)?.name)?;
+            (name, "position", 0.0)
         }
-        Wire::Extensor { finger, joint } => {
-            let (name, own) = joint_of(finger, joint)?;
-            (name, "extensor", own.extensor.min_n)
+        Wire::Actuator { finger, actuator } => {
+            let own = hand.actuator(finger, actuator)?;
+            (of(finger, &own.name)?, "actuator", own.limits().at_rest())
         }
         Wire::Touch { finger } => (hand.fingers.get(finger)?.name.to_string(), "touch", 0.0),
         Wire::Axis { axis } => {

@@ -41,7 +41,7 @@ class ExampleTest(unittest.TestCase):
         self.assertEqual((len(rms), min(rms)), (3, rms[2]))
         self.assertLess(max(rms), 0.1)
         self.assertIn("bandwidth_hz is 12.0 now, and was 10.0", run.stdout)
-        found = re.search(r"^(\w+) has a fault; the least tension is 0\.0 N: (\w+)\.\w+\.(?:flexor|extensor)\.tension$",
+        found = re.search(r"^(\w+) has a fault; the least tension is 0\.0 N: (\w+)\.\w+-(?:flexor|extensor)\.effort$",
                           run.stdout, re.MULTILINE)
         assert found, run.stdout
         self.assertEqual(found[1], found[2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import tempfile
 import time
@@ -188,24 +189,24 @@ class RackTest(unittest.TestCase):
     def test_wires_are_those_of_the_configuration(self) -> None:
         inputs, outputs = self.hand.inputs, self.hand.outputs
         self.assertEqual((len(inputs), len(outputs)), (16 + 32 + 3 + inputs.kinds.count("touch"), 32 + 3))
-        wire = inputs.index("flexor", "index.proximal")
-        self.assertEqual((inputs.names[wire], inputs.bits[wire], inputs.is_output), ("index.proximal", 12, False))
+        wire = inputs.index("actuator", "index.proximal-flexor")
+        self.assertEqual((inputs.names[wire], inputs.bits[wire], inputs.is_output), ("index.proximal-flexor", 12, False))
         counts = np.arange(len(inputs)) * 7
         np.testing.assert_array_equal(inputs.counts(inputs.values(counts)), counts)
         np.testing.assert_array_equal(outputs.counts(outputs.values(counts[:35])), counts[:35])
         self.assertEqual(inputs.counts(np.full(len(inputs), np.nan)).max(), 0)
         np.testing.assert_array_equal(outputs.counts(np.full(35, np.nan)), outputs.counts(np.zeros(35)))
         self.assertEqual(inputs.counts(np.full(len(inputs), 1e9)).max(), 4095)
-        self.assertEqual(outputs.least[outputs.index("extensor", "thumb.distal")], 4.0)
+        self.assertEqual(outputs.at_rest[outputs.index("actuator", "thumb.distal-extensor")], 4.0)
         with self.assertRaises(LookupError):
-            inputs.index("flexor", "index.distale")
+            inputs.index("actuator", "index.distal-flexer")
 
     def test_sensors_are_registers(self) -> None:
         position = np.linspace(0.1, 0.9, 16)
-        tension = np.linspace(4.0, 60.0, 32)
-        self.rack.show(position=position, tension=tension, axis=[0.1, 0.0, -0.1])
+        effort = np.linspace(4.0, 60.0, 32)
+        self.rack.show(position=position, effort=effort, axis=[0.1, 0.0, -0.1])
         inputs = self.hand.inputs
-        for kind, name, value in [("position", "index.abduction", 0.1), ("extensor", "thumb.distal", 60.0)]:
+        for kind, name, value in [("position", "index.abduction", 0.1), ("actuator", "thumb.distal-extensor", 60.0)]:
             wire = inputs.index(kind, name)
             at = 0x200 * inputs.board[wire] + 0x100 * (inputs.channel[wire] // 16) + 0x20 + 2 * (inputs.channel[wire] % 16)
             (counts,) = self.memory.read(int(at))
@@ -215,14 +216,47 @@ class RackTest(unittest.TestCase):
         # A sensor that is stuck shows what it has shown.
         self.rack.stick("position", "index.abduction")
         before = self.memory.read(0x20, 16)
-        self.rack.show(position=position + 0.1, tension=tension)
+        self.rack.show(position=position + 0.1, effort=effort)
         stuck = inputs.index("position", "index.abduction")
         changed = self.memory.read(0x20, 16) != before
         self.assertFalse(changed[inputs.channel[stuck]])
         self.assertTrue(changed.any())
         self.rack.mend()
-        self.rack.show(position=position + 0.1, tension=tension)
+        self.rack.show(position=position + 0.1, effort=effort)
         self.assertNotEqual(self.memory.read(0x20, 16)[inputs.channel[stuck]], before[inputs.channel[stuck]])
+
+    def test_only_actuators_with_a_sensor_are_measured_and_motors_rest_at_nothing(self) -> None:
+        # The first actuator of each finger is a motor, and those of the thumb alone have sensors.
+        text = CONFIGURATION.read_text()
+        head, tail = text.split("[actuator_defaults]")
+        defaults, fingers = tail.split("\n\n", 1)
+        defaults = re.sub("^(faults|adc|gains) = .*\n?", "", defaults, flags=re.MULTILINE)
+        fingers, thumb = fingers.split('name = "thumb"')
+        fingers = re.sub(r"adc = \{ channel = \d+ \}, dac", "dac", fingers)
+        thumb = re.sub(
+            r"adc = \{ channel = (\d+) \}, dac",
+            r"adc = { board = 1, channel = \1, bits = 12, gain = 0.05, offset = -50.0 }, dac",
+            thumb,
+        )
+        fingers = fingers.replace(
+            "arms = { abduction = 0.0127 }, dac = {",
+            "arms = { abduction = 0.0127 }, limits = { low = -10.0, high = 10.0, bias = 0.0 }, dac = { offset = 2000.0,",
+            1,
+        )
+        hand = condor.Hand.parse(f'{head}[actuator_defaults]{defaults}\n\n{fingers}name = "thumb"{thumb}')
+        inputs, outputs = hand.inputs, hand.outputs
+        self.assertEqual((len(inputs.of("actuator")), len(outputs.of("actuator"))), (8, 32))
+        at_rest = ([0.0] + [4.0] * 7) * 4
+        self.assertEqual(outputs.at_rest[outputs.of("actuator")].tolist(), at_rest)
+        rack = condor.Rack(cast(condor.Simulator, self.memory), hand)
+        self.assertEqual(rack.commands().effort.tolist(), at_rest)
+        rack.show(position=np.zeros(16), effort=np.arange(32.0))
+        # A slot has two boards of 16 channels.
+        thumb_channels = self.memory.read(0x0300 + 0x20 + 2 * 8, 8)
+        np.testing.assert_array_equal(thumb_channels, (np.arange(24, 32) + 50) * 20)
+        self.assertEqual(self.memory.read(0x0200 + 0x20, 16).tolist(), [0] * 16)
+        with self.assertRaises(ValueError):
+            rack.show(position=np.zeros(16), effort=np.zeros(8))
 
     def test_boards_that_are_not_strobed_rest(self) -> None:
         self.assertEqual(self.memory.read(0x1000)[0], 0)
@@ -230,25 +264,25 @@ class RackTest(unittest.TestCase):
         identities = [int(self.memory.read(base)[0]) for base in (0x0000, 0x0300, 0x1000, 0x1500, 0x2000)]
         self.assertEqual(identities, [0xADC0, 0xADC0, 0xDAC0, 0xDAC0, 0xE4C0])
         outputs = self.hand.outputs
-        wire = outputs.index("flexor", "index.abduction")
+        wire = outputs.index("actuator", "index.abduction-flexor")
         self.assertEqual((outputs.board[wire], outputs.channel[wire]), (0, 0))
-        first, zero = outputs.of("flexor", "extensor").tolist().index(wire), outputs.counts(np.zeros(35))[wire]
-        self.assertEqual(self.rack.commands().tension[first], 4.0)
+        first, zero = outputs.of("actuator").tolist().index(wire), outputs.counts(np.zeros(35))[wire]
+        self.assertEqual(self.rack.commands().effort[first], 4.0)
         self.memory.write(0x1002, 1)
         counts = outputs.counts(np.full(35, 12.0))[wire]
         self.memory.write(0x1020, counts - zero)
         self.memory.write(0x1004, 1)
         told = (counts - outputs.offset[wire]) / outputs.gain[wire]
         self.assertAlmostEqual(told, 12.0, delta=0.05)
-        seen = [self.rack.commands().tension[first]]
+        seen = [self.rack.commands().effort[first]]
         self.assertEqual((self.memory.read(0x1004)[0], self.rack.resting[:2]), (0, [False, True]))
-        seen += [self.rack.commands().tension[first] for _ in range(8)]
+        seen += [self.rack.commands().effort[first] for _ in range(8)]
         ramp = [told + (4.0 - told) * part for part in (0.0, 0.25, 0.5, 0.75, 1.0, 1.0)]
         np.testing.assert_allclose(seen, [told] * 3 + ramp)
         self.assertTrue(self.rack.resting[0])
         # It goes on with the next strobe, and rests at once when nobody has it open.
         self.memory.write(0x1004, 1)
-        self.assertEqual((self.rack.commands().tension[first], self.rack.resting[0]), (told, False))
+        self.assertEqual((self.rack.commands().effort[first], self.rack.resting[0]), (told, False))
         self.memory.write(0x1002, 0)
         self.rack.commands()
         self.assertTrue(self.rack.resting[0])

@@ -109,7 +109,7 @@ class SystemTest(unittest.TestCase):
     def test_cells_are_read_as_a_whole(self) -> None:
         one, other = self.system.published("truth"), self.system.published("plant:truth")
         self.assertGreaterEqual(other.sequence, one.sequence)
-        self.assertEqual((one["position"].shape, one["tension"].shape, one["ball"].shape), ((16,), (32,), (3,)))
+        self.assertEqual((one["position"].shape, one["effort"].shape, one["ball"].shape), ((16,), (32,), (3,)))
         self.assertGreaterEqual(other["time_s"], one["time_s"])
         self.assertTrue(np.isnan(one["ball"]).all())
 
@@ -215,17 +215,17 @@ class SystemTest(unittest.TestCase):
     def test_z_an_injected_fault_is_found(self) -> None:
         system, fingers = self.system, ["index", "middle", "ring", "thumb"]
         terminal = system.terminal("master")
-        with system.watch("*.fault", "middle.*.tension") as watch:
-            terminal.write("fault middle.proximal flexor\n")
-            self.assertIn("has a fault", terminal.read_until("slack", DEADLINE_S))
+        with system.watch("*.fault", "middle.*.effort") as watch:
+            terminal.write("fault middle.proximal-flexor drive\n")
+            self.assertIn("has a fault", terminal.read_until("too little effort", DEADLINE_S))
             while True:
                 samples = watch.read(50, timeout=DEADLINE_S)
                 faulty = [it for it in fingers if samples[f"{it}.fault"].values[-1] != 0]
                 if faulty:
                     break
         self.assertEqual(faulty, ["middle"])
-        tensions = {name: series.values[-1] for name, series in samples.items() if name.endswith(".tension")}
-        self.assertEqual(min(tensions, key=lambda name: tensions[name]), "middle.proximal.flexor.tension")
+        efforts = {name: series.values[-1] for name, series in samples.items() if name.endswith(".effort")}
+        self.assertEqual(min(efforts, key=lambda name: efforts[name]), "middle.proximal-flexor.effort")
         self.refused(TimeoutError, "the terminal of master has not shown", terminal.read_until, "never", 0.1)
 
     def test_zz_a_system_that_was_left_is_not_asked(self) -> None:

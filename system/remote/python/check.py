@@ -14,12 +14,12 @@ from condor.remote import NoAnswer, Refused, Remote
 place = [sys.argv[1]]
 with Remote("hand", "notebook", place, password="fourth", timeout=30.0) as hand:
     assert any(it["name"] == "master" for it in hand.status()["processors"])
-    assert any(it["name"].endswith("index.proximal.flexor.gains.kt") for it in hand.variables())
-    gain = hand.get("index.proximal.flexor.gains.kt")
-    assert hand.set("index.proximal.flexor.gains.kt", gain * 1.25, before=gain) == gain
-    assert hand.set("index.proximal.flexor.gains.kt", gain) == gain * 1.25
+    assert any(it["name"].endswith("index.proximal-flexor.gains.kp") for it in hand.variables())
+    gain = hand.get("index.proximal-flexor.gains.kp")
+    assert hand.set("index.proximal-flexor.gains.kp", gain * 1.25, before=gain) == gain
+    assert hand.set("index.proximal-flexor.gains.kp", gain) == gain * 1.25
     try:
-        hand.set("index.proximal.flexor.gains.kt", 2e9)
+        hand.set("index.proximal-flexor.gains.kp", 2e9)
         raise SystemExit("a gain beyond its bounds was set")
     except Refused as error:
         assert "must be from" in str(error), error
@@ -28,7 +28,7 @@ with Remote("hand", "notebook", place, password="fourth", timeout=30.0) as hand:
     for _ in range(100):
         lost = rows.lost
         row = next(rows)
-        assert row["tick"] > before["tick"] and row["index.proximal.flexor.gains.kt"] > 0.0, row
+        assert row["tick"] > before["tick"] and row["index.proximal-flexor.gains.kp"] > 0.0, row
         assert row["tick"] - before["tick"] == 1 + rows.lost - lost, (before, row)
         before = row
     id = hand.next_id()

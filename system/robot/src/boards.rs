@@ -196,12 +196,9 @@ pub enum BoardError {
 #[must_use]
 pub fn processor(robot: &RobotDescription, wire: Wire) -> Option<u8> {
     match wire {
-        Wire::Position { finger, joint }
-        | Wire::Flexor { finger, joint }
-        | Wire::Extensor { finger, joint } => {
-            robot.joint(finger, joint).map(|joint| joint.processor)
+        Wire::Position { finger, .. } | Wire::Actuator { finger, .. } | Wire::Touch { finger } => {
+            robot.fingers.get(finger)?.processor()
         }
-        Wire::Touch { finger } => robot.fingers.get(finger)?.processor(),
         Wire::Axis { axis } => {
             let axes = &robot.table.as_ref()?.axes;
             axes.get(axis).map(|axis| axis.processor)

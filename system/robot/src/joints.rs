@@ -5,7 +5,7 @@ use core::ops::Range;
 
 use condor_hand::config::{Finger, Form, Name, Placement};
 
-use crate::{ALL, FINGERS, JOINTS, Mechanism, RobotDescription};
+use crate::{ACTUATORS, ALL, FINGERS, JOINTS, Mechanism, RobotDescription};
 
 const _: () = assert!(ALL <= 32, "a bit of a word for each joint");
 
@@ -104,11 +104,35 @@ impl fmt::Display for JointName<'_> {
     }
 }
 
+/// The name of an actuator, FINGER.ACTUATOR, by the numbers of both.
+pub(crate) struct ActuatorName<'r>(
+    pub(crate) &'r RobotDescription,
+    pub(crate) usize,
+    pub(crate) usize,
+);
+
+impl fmt::Display for ActuatorName<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(robot, finger, actuator) = *self;
+        let named = robot
+            .fingers
+            .get(finger)
+            .zip(robot.actuator(finger, actuator));
+        match named {
+            Some((finger, actuator)) => write!(f, "{}.{}", finger.name, actuator.name),
+            None => write!(
+                f,
+                "actuator {actuator} of finger {finger}, which the robot does not have"
+            ),
+        }
+    }
+}
+
 /// The place of a finger that a robot does not have: far from all that could touch it, m.
 const NOWHERE: [f64; 3] = [0.0, 0.0, 1e3];
 
 /// Returns a finger that a robot does not have: without joints, and out of reach.
-pub(crate) fn absent() -> Finger<JOINTS> {
+pub(crate) fn absent() -> Finger<JOINTS, ACTUATORS> {
     Finger {
         name: Name::new(),
         base: Placement {
@@ -118,14 +142,15 @@ pub(crate) fn absent() -> Finger<JOINTS> {
         form: Form::Chain { tip: [0.0; 3] },
         touch: None,
         joints: heapless::Vec::new(),
+        actuators: heapless::Vec::new(),
     }
 }
 
 /// Returns the fingers of a robot with their mechanisms; `absent` takes the places of those that it does not have.
 pub(crate) fn with_mechanisms<'r>(
     robot: &'r RobotDescription,
-    absent: &'r Finger<JOINTS>,
-) -> [(&'r Finger<JOINTS>, Mechanism); FINGERS] {
+    absent: &'r Finger<JOINTS, ACTUATORS>,
+) -> [(&'r Finger<JOINTS, ACTUATORS>, Mechanism); FINGERS] {
     core::array::from_fn(|finger| {
         let finger = robot.fingers.get(finger).unwrap_or(absent);
         (finger, finger.chain())
@@ -138,8 +163,10 @@ pub(crate) fn short() -> RobotDescription {
     let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
     let mut robot = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
     robot.fingers.pop();
-    robot.fingers[0].joints.truncate(2);
-    robot.fingers[2].joints.truncate(1);
+    for (finger, joints) in [(0, 2), (2, 1)] {
+        robot.fingers[finger].joints.truncate(joints);
+        robot.fingers[finger].actuators.truncate(2 * joints);
+    }
     robot
 }
 

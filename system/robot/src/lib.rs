@@ -57,14 +57,19 @@ pub use failure::{Failure, FailureText, FileName};
 pub const FINGERS: usize = 4;
 /// The greatest number of joints of a finger.
 pub const JOINTS: usize = 4;
+/// The greatest number of actuators of a finger.
+pub const ACTUATORS: usize = 2 * JOINTS;
 /// The greatest number of joints of a robot. Lists of all joints go finger by finger, proximal joints first.
 pub const ALL: usize = FINGERS * JOINTS;
 
-/// The configuration of a robot with [`FINGERS`] fingers of [`JOINTS`] joints.
-pub type RobotDescription = condor_hand::config::Hand<FINGERS, JOINTS>;
+/// The configuration of a robot with [`FINGERS`] fingers of [`JOINTS`] joints and [`ACTUATORS`] actuators.
+pub type RobotDescription = condor_hand::config::Hand<FINGERS, JOINTS, ACTUATORS>;
 
 /// The mechanism of a finger: any chain of joints.
 pub type Mechanism = condor_hand::kinematics::Chain<JOINTS>;
+
+/// The actuators of a finger, and the arms by which they move its joints.
+pub type Actuators = condor_hand::transmission::Linear<JOINTS, ACTUATORS>;
 
 /// The name of the file with the compiled configuration, which each program reads through the file service.
 pub const IMAGE: &str = "hand.image";

@@ -56,9 +56,9 @@ use crate::packet::Packet;
 /// [`ServoHandler`] of the servo processor at this vector.
 pub const SERVO: Vector = Vector(32);
 /// The version of this protocol of servos. A client refuses a servo processor with another version.
-pub const VERSION: u32 = 7;
+pub const VERSION: u32 = 8;
 
-/// A request to the servos of a processor. Fingers and joints are counted from 0.
+/// A request to the servos of a processor. Fingers, joints and actuators are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum ServoRequest {
@@ -72,7 +72,7 @@ pub enum ServoRequest {
         /// The finger of the hand.
         finger: u32,
     },
-    /// Sets another mode, in which a joint keeps its present position, torque or tensions; the mode `Off` disables it.
+    /// Sets another mode, in which a joint keeps its present position, torque or efforts; the mode `Off` disables it.
     Mode {
         /// The finger of the hand.
         finger: u32,
@@ -89,6 +89,17 @@ pub enum ServoRequest {
         joint: Option<u32>,
         /// The target that the joint is to have, in the units of its mode.
         target: JointTarget,
+    },
+    /// Sets the effort of an actuator, and the mode of the joint to which it belongs.
+    Effort {
+        /// The finger of the hand.
+        finger: u32,
+        /// The joint to which the actuator belongs.
+        joint: u32,
+        /// The number of the actuator in its finger.
+        actuator: u32,
+        /// The effort, N or N m.
+        effort: f64,
     },
     /// Clears the latched faults of a finger.
     Restart {
@@ -114,6 +125,7 @@ impl ServoRequest {
             | Self::Status { finger }
             | Self::Mode { finger, .. }
             | Self::Target { finger, .. }
+            | Self::Effort { finger, .. }
             | Self::Restart { finger }
             | Self::Outcome { finger, .. } => finger,
         }
@@ -176,8 +188,8 @@ pub type ServoResponsePacket<const N: usize> = Packet<ServoResponse<N>, VERSION,
 
 #[cfg(test)]
 mod tests {
+    use condor_hand::fault::{FaultCode, FaultSite, FingerFault};
     use condor_hand::servo::TargetQuantity;
-    use condor_hand::tendon::fault::{FaultCode, FaultSite, FingerFault};
     use condor_hand::trajectory::SetPoint;
 
     use super::*;
@@ -190,7 +202,7 @@ mod tests {
             saturated: MOST,
             fault: Some(FingerFault {
                 code: FaultCode::Jump,
-                site: FaultSite::Extensor(usize::MAX),
+                site: FaultSite::Actuator(usize::MAX),
                 value: 1.0,
             }),
             is_resting: true,

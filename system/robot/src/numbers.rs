@@ -3,14 +3,17 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::AtomicU32;
 
-use condor_hand::config::{AxisNumber, FaultNumber, JointNumber, MotionNumber, NumberName};
+use condor_hand::config::{
+    ActuatorNumber, AxisNumber, FaultNumber, JointNumber, MotionNumber, NumberName,
+};
 use condor_vars::{ParamRefusal, Params, Scalar, Tune, VarDescription, Watch};
 
 use crate::RobotDescription;
 
 /// A block of at most `N` numbers of the description. The loop takes over new values of all of them together.
 ///
-/// The name of a number of a joint is `FINGER.JOINT.KEY`, such as `index.proximal.stop.zone`; that of an axis is
+/// The name of a number of a joint is `FINGER.JOINT.KEY`, such as `index.proximal.stop.zone`; that of an actuator is
+/// `FINGER.ACTUATOR.KEY`, that of an axis
 /// `table.AXIS.KEY`, and that of a condition of faults `faults.KEY`.
 pub(crate) struct Numbers<'h, T: Scalar, const N: usize> {
     robot: &'h RobotDescription,
@@ -26,11 +29,12 @@ pub(crate) struct Number<T> {
     pub(crate) range: [T; 2],
 }
 
-/// The place of a number in the description. Fingers, joints and axes are counted from 0.
+/// The place of a number in the description. Fingers, joints, actuators and axes are counted from 0.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum NumberPlace {
     Joint(u8, u8, JointNumber),
     Motion(u8, u8, MotionNumber),
+    Actuator(u8, u8, ActuatorNumber),
     Axis(u8, AxisNumber),
     Faults(FaultNumber),
 }
@@ -40,6 +44,7 @@ impl NumberPlace {
         match self {
             Self::Joint(.., number) => number.name(),
             Self::Motion(.., number) => number.name(),
+            Self::Actuator(.., number) => number.name(),
             Self::Axis(_, number) => number.name(),
             Self::Faults(number) => number.name(),
         }
@@ -106,6 +111,13 @@ impl<T: Scalar, const N: usize> Watch for Numbers<'_, T, N> {
                 let joint = finger.joints.get(usize::from(joint)).ok_or(fmt::Error)?;
                 write!(to, "{}.{}.{key}", finger.name, joint.name)
             }
+            NumberPlace::Actuator(finger, actuator, _) => {
+                let finger = self.robot.fingers.get(usize::from(finger));
+                let finger = finger.ok_or(fmt::Error)?;
+                let actuator = finger.actuators.get(usize::from(actuator));
+                let actuator = actuator.ok_or(fmt::Error)?;
+                write!(to, "{}.{}.{key}", finger.name, actuator.name)
+            }
             NumberPlace::Axis(axis, _) => {
                 let table = self.robot.table.as_ref().ok_or(fmt::Error)?;
                 let axis = table.axes.get(usize::from(axis)).ok_or(fmt::Error)?;
@@ -153,10 +165,7 @@ mod tests {
     use super::*;
 
     fn numbers(hand: &RobotDescription) -> Numbers<'_, f64, 3> {
-        let (axis, joint) = (
-            &hand.table.as_ref().unwrap().axes[1],
-            &hand.fingers[1].joints[2],
-        );
+        let (axis, finger) = (&hand.table.as_ref().unwrap().axes[1], &hand.fingers[1]);
         let high = JointNumber::High;
         let all = [
             Number {
@@ -166,8 +175,8 @@ mod tests {
             },
             Number {
                 place: NumberPlace::Joint(1, 2, high),
-                value: joint.limits.high,
-                range: joint.ranges(400)[high as usize].unwrap(),
+                value: finger.joints[2].limits.high,
+                range: finger.ranges(2, 400)[high as usize].unwrap(),
             },
         ];
         Numbers::new(hand, all.into_iter(), f64::MIN..=f64::MAX)

@@ -57,7 +57,7 @@ macro_rules! finders {
 finders! {
     /// Finds the measured positions and velocities of joints that a servo processor publishes.
     joints: grasp::JOINTS_NAME, Published<Joints>, Published::at;
-    /// Finds the greatest recent torques and tensions of joints that a servo processor publishes.
+    /// Finds the greatest recent torques and efforts of joints that a servo processor publishes.
     felt: guards::FELT_NAME, Published<Felt>, Published::at;
     /// Finds the list of joints stopped by a guard that a servo processor publishes.
     stops: guards::STOPS_NAME, Published<Stops>, Published::at;

@@ -8,7 +8,7 @@
 //! Boards identify themselves once their registers are right, so a controller that is early waits.
 //!
 //! Each D/A board has a watchdog. Without a strobe for some time, or once nobody has the board open, it
-//! takes its tensions to the least ones, and its forces to none, within the time of a ramp, and goes on
+//! takes its outputs to those of rest within the time of a ramp, and goes on
 //! with the next strobe. Registers are memory here, so a board does not take its channels at the
 //! instant of the strobe, but when the robot looks next.
 //!
@@ -18,7 +18,7 @@
 //! |---|---|---|
 //! | `rate=HZ` | how often the robot looks at its boards | 2000 |
 //! | `watchdog_ms=MS` | after which time without a strobe a board rests | 25 |
-//! | `ramp_ms=MS` | how long it takes to the least tensions | 250 |
+//! | `ramp_ms=MS` | how long it takes to rest | 250 |
 //! | `camera_hz=HZ` | how often the camera takes a picture of the ball | 50 |
 //! | `camera_um=UM` | the standard deviation of a point in it, µm | exact |
 //! | `seed=N` | from which the noise of the pictures follows | 1 |
@@ -47,7 +47,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::boards::SimBoards;
 use crate::packet::{self, ShortPacket};
-use crate::{FINGERS, Failure, JOINTS, start};
+use crate::{ACTUATORS, FINGERS, Failure, JOINTS, start};
 
 mod arguments;
 mod ball;
@@ -59,7 +59,7 @@ mod watchdog;
 use arguments::Arguments;
 use camera::Camera;
 pub use camera::CameraObject;
-pub use requests::{NumberRange, PlantRefusal, PlantRequest, PlantResponse, PlantTarget};
+pub use requests::{NumberRange, PlantRefusal, PlantRequest, PlantResponse, PlantSensor};
 pub use robot::MACHINE;
 use robot::{Robot, WORKSPACE_M};
 
@@ -88,8 +88,8 @@ pub struct TrueState {
     pub position: [[f64; JOINTS]; FINGERS],
     /// The velocities of the joints of each finger, rad/s.
     pub velocity: [[f64; JOINTS]; FINGERS],
-    /// The tensions of the flexor and the extensor of each joint, N.
-    pub tension: [[[f64; 2]; JOINTS]; FINGERS],
+    /// The efforts of the actuators of each finger, N or N m.
+    pub effort: [[f64; ACTUATORS]; FINGERS],
     /// The positions of the table's axes, m.
     pub table: [f64; 3],
     /// The centre of the ball, m; NaN without one.
@@ -112,7 +112,7 @@ cell_struct!(TrueState {
     "time_s": time_s, "s", "Since the robot began.";
     "position": position, "rad", "Joints in the order of the fingers.";
     "velocity": velocity, "rad/s";
-    "tension": tension, "N", "Tensions of flexor and extensor.";
+    "effort": effort, "N", "Actuators in the order of the fingers.";
     "table": table, "m";
     "ball": ball, "m", "Centre of the ball; NaN without one.";
     "orientation": orientation, "", "Of the ball: a unit quaternion, the real part first.";
@@ -212,7 +212,7 @@ impl<B: SimBoards> Program for Plant<B> {
                         let ms = arguments.watchdog_ms;
                         if is_new && now >> board & 1 != 0 {
                             background.print(format_args!(
-                                "D/A board {board} takes its outputs to the least tensions: no values came for {ms} ms\n"
+                                "D/A board {board} takes its outputs to those of rest: no values came for {ms} ms\n"
                             ));
                         } else if is_new {
                             background.print(format_args!("D/A board {board} works again\n"));
@@ -271,16 +271,10 @@ fn obey(robot: &mut Robot, request: PlantRequest) -> PlantResponse {
             robot.remove_ball();
             Ok(())
         }
-        PlantRequest::StickSensor {
-            finger,
-            joint,
-            which,
-        } => robot.stick(finger as usize, joint as usize, which),
-        PlantRequest::CutTendon {
-            finger,
-            joint,
-            which,
-        } => robot.cut(finger as usize, joint as usize, which),
+        PlantRequest::StickSensor { finger, sensor } => robot.stick(finger as usize, sensor),
+        PlantRequest::CutDrive { finger, actuator } => {
+            robot.cut(finger as usize, actuator as usize)
+        }
         PlantRequest::Mend => {
             robot.mend();
             Ok(())

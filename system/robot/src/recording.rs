@@ -7,19 +7,20 @@
 //! # The file
 //!
 //! It is an MCAP file without chunks, whose messages are little-endian CDR, and which has their types.
-//! Metadata of the name `condor-servo` come before all messages: the version of the format (5), the
-//! number of the processor, ticks in a second, fingers of the hand and joints of a finger. A message
+//! Metadata of the name `condor-servo` come before all messages: the version of the format (6), the
+//! number of the processor, ticks in a second, fingers of the hand, joints and actuators of a
+//! finger. A message
 //! has the number of its tick, from 0, as its sequence number, and that number divided by the rate as
 //! its log time: the time since the first tick, if no release was skipped.
 //!
 //! | channel | topic | a message has |
 //! |---|---|---|
-//! | 1 | `/servo/tick` | the time since the last tick as the loop took it; the counts of 52 inputs: of each finger position, flexor and extensor of each joint, and the force at the tip; a bit for each that could not be read, whose counts are 0 |
+//! | 1 | `/servo/tick` | the time since the last tick as the loop took it; the counts of 52 inputs: of each finger the positions of the joints, the efforts of the actuators, and the force at the tip; a bit for each that could not be read, whose counts are 0 |
 //! | 2 | `/servo/palm` | its acceleration from this tick on; 0 before the first |
 //! | 3 | `/servo/order` | the number of a grasp's order, a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) |
 //! | 4 | `/servo/others` | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
 //! | 5 | `/servo/asked` | the finger; a [`FingerRequest`](crate::message::FingerRequest) in the format of postcard, in words |
-//! | 6 | `/servo/done` | the counts of 32 outputs: of each finger and joint flexor, extensor; the hash |
+//! | 6 | `/servo/done` | the counts of 32 outputs: the actuators of each finger; the hash |
 //! | 7 | `/servo/end` | how many ticks there were |
 //!
 //! The values of a finger on another processor are 0. A tick consists of one message of channel 1,
@@ -36,7 +37,7 @@ use condor_mcap::McapError;
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::{FINGERS, JOINTS};
+use crate::{ACTUATORS, FINGERS, JOINTS};
 
 mod channel;
 mod fnv;
@@ -51,13 +52,13 @@ pub(crate) use record::{Recorder, Ring, TapeState};
 pub(crate) use rows::{Row, Rows};
 pub(crate) use tape::Tape;
 
-/// Inputs of a finger: position and two tensions of each joint, and the force at the tip.
-pub(crate) const INPUTS_OF_FINGER: usize = 3 * JOINTS + 1;
-/// The number of inputs of a servo processor in a recording: for each finger the position and two tensions of each
-/// joint, and the force at the tip.
+/// Inputs of a finger: positions of joints, efforts of actuators, and the force at the tip.
+pub(crate) const INPUTS_OF_FINGER: usize = JOINTS + ACTUATORS + 1;
+/// The number of inputs of a servo processor in a recording: for each finger the positions of the joints, the efforts of
+/// the actuators, and the force at the tip.
 pub const INPUTS: usize = INPUTS_OF_FINGER * FINGERS;
-/// The number of outputs of a servo processor in a recording: two tensions of each joint of each finger.
-pub const OUTPUTS: usize = 2 * JOINTS * FINGERS;
+/// The number of outputs of a servo processor in a recording: the commands of the actuators of each finger.
+pub const OUTPUTS: usize = ACTUATORS * FINGERS;
 
 /// The counts of the converters of a servo processor's sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
@@ -92,8 +93,7 @@ pub(crate) struct TickInputs {
     pub(crate) grasp: GraspInputs<FINGERS, JOINTS>,
 }
 
-/// The outputs of a servo processor in one tick, in this order: for each finger and each joint, the flexor and the
-/// extensor.
+/// The outputs of a servo processor in one tick, in this order: for each finger, its actuators.
 ///
 /// The outputs of a finger on another processor are 0. A replay writes one `ServoOutputs` per tick to its file: 320
 /// bytes, little-endian.
@@ -102,7 +102,7 @@ pub(crate) struct TickInputs {
 pub struct ServoOutputs {
     /// The counts of the digital-to-analog converters.
     pub counts: [u16; OUTPUTS],
-    /// The tensions that the actuators are to have, N.
+    /// The efforts that the actuators are to have, N or N m.
     pub command: [f64; OUTPUTS],
 }
 
@@ -216,7 +216,7 @@ impl fmt::Display for FoundVersion<'_> {
 }
 
 /// The difference between the outputs of one tick in a recording and in its replay. Its text names the first output
-/// whose counts differ, with both counts, or says that only the tensions differ.
+/// whose counts differ, with both counts, or says that only the efforts differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference(Option<(u32, u16, u16)>);
 
@@ -234,7 +234,7 @@ impl fmt::Display for Difference {
             Some((output, was, is)) => {
                 write!(f, "output {output} had {was} counts, and now has {is}")
             }
-            None => f.write_str("the counts are equal, but tensions differ in some bits"),
+            None => f.write_str("the counts are equal, but efforts differ in some bits"),
         }
     }
 }

@@ -32,7 +32,7 @@ use crate::arguments::Replay as Arguments;
 use crate::failure::Failure;
 use crate::recording::{Difference, Fnv, Row, Rows, ServoOutputs, ServoRecordingError};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
-use crate::{JOINTS, Mechanism, RobotDescription, start};
+use crate::{ACTUATORS, Actuators, JOINTS, Mechanism, RobotDescription, start};
 
 /// Bytes that are read or written at once.
 const AT_ONCE: usize = 4096;
@@ -198,8 +198,10 @@ impl ReplayedControllers {
     }
 }
 
-impl FingerControllers<Mechanism, JOINTS> for ReplayedControllers {
-    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<Mechanism, JOINTS>> {
+impl FingerControllers<JOINTS> for ReplayedControllers {
+    type Controller = FingerController<Mechanism, Actuators, JOINTS, ACTUATORS>;
+
+    fn of_finger(&mut self, finger: usize) -> Option<&mut Self::Controller> {
         self.controllers.of_finger(finger)
     }
 }
@@ -208,10 +210,10 @@ impl Servos for ReplayedControllers {
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<JOINTS>,
+        sensed: &FingerReadings<JOINTS, ACTUATORS>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Option<FingerTick<JOINTS>> {
+    ) -> Option<FingerTick<JOINTS, ACTUATORS>> {
         let controller = self.controllers.of_finger(finger)?;
         let requests = self.row.iter().flat_map(|row| &row.requests);
         for (_, request) in requests.filter(|(of, _)| *of == finger) {

@@ -11,7 +11,7 @@
 //! they are levels of one loop and not two loops of one rate: each needs what the other has just done,
 //! from the same sample of the sensors. Two loops would run one right after the other at every
 //! release, with a second release and a hand-over in shared memory in between, and whenever one of
-//! them were skipped the other would work with tensions or torques a period old.
+//! them were skipped the other would work with efforts or torques a period old.
 //!
 //! In each tick the loop reads every board once, publishes the [`Joints`](crate::grasp::Joints), steps the law of a
 //! [grasp](crate::grasp) if there is one, and then the controllers of the fingers, in a gravity less
@@ -21,14 +21,14 @@
 //! |---|---|
 //! | `console` | its terminal: faults, and what becomes of grasps |
 //! | `servos` | [`ServoLayout`]: set-points and requests, vector [`SERVO`] |
-//! | `servo` | the variables of its loop, joints and tendons, and its parameters: gains, limits, stops and filters of joints, conditions of faults |
+//! | `servo` | the variables of its loop, joints and actuators, and its parameters: gains, limits, stops and filters, conditions of faults |
 //! | `joints` | a published [`Joints`](crate::grasp::Joints) |
 //! | `tracking-2` | a published [`Tracking`] |
 //! | `felt`, `stops` | a published [`Felt`](crate::guards::Felt) and [`Stops`](crate::guards::Stops) |
 //! | `grasp-2` | [`GraspLayout`] |
 //! | `recording` | the ring of a recording |
 //!
-//! When it ends it leaves its board of outputs open: the watchdog of that takes the tensions to the
+//! When it ends it leaves its board of outputs open: the watchdog of that takes the efforts to
 //! least ones more gently than closing it would.
 
 use core::fmt::{self, Arguments};
@@ -55,7 +55,7 @@ use crate::grasp::{JOINTS_NAME, NAME, Partner, PartnerState};
 use crate::guards::{FELT_NAME, STOPS_NAME};
 use crate::message::{GraspLayout, HandIdentity, SERVO, ServoLayout, ServoObject};
 use crate::recording::{Head, Recorder, Ring, ServoRecordingError, Tape, TapeState};
-use crate::{FINGERS, JOINTS, RobotDescription, start, table};
+use crate::{ACTUATORS, FINGERS, JOINTS, RobotDescription, start, table};
 
 mod control;
 mod feeling;
@@ -83,7 +83,7 @@ pub const TRACKING_NAME: &str = "tracking-2";
 /// The name of the servo loop of a servo processor, by which tools such as `condor top` show it.
 pub const LOOP: &str = "servo";
 
-/// The program of a servo processor, which controls the torques and tensions of one to four fingers.
+/// The program of a servo processor, which controls the torques and efforts of one to four fingers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Servo<B>(PhantomData<B>);
 
@@ -193,8 +193,10 @@ fn serve<M: Machine>(
         .watch(&variables)
         .tune(&gains.laws)
         .tune(&gains.numbers)
+        .tune(&gains.efforts)
         .fixed()
         .tune(&numbers.joints)
+        .tune(&numbers.actuators)
         .tune(&numbers.thresholds)
         .tune(&numbers.counts)
         .servo(LOOP, start::rate(rate_hz), &mut |tick| {
@@ -302,7 +304,7 @@ fn number_of(hand: &RobotDescription, kind: ProcessorKind) -> Option<u8> {
 }
 
 /// The fingers that a processor serves, in their order.
-type ServedFingers<'h> = heapless::Vec<&'h Finger<JOINTS>, FINGERS>;
+type ServedFingers<'h> = heapless::Vec<&'h Finger<JOINTS, ACTUATORS>, FINGERS>;
 
 /// The fingers of a processor.
 fn fingers_on(hand: &RobotDescription, number: u8) -> ServedFingers<'_> {
@@ -336,8 +338,10 @@ pub(crate) fn rate_hz(hand: &RobotDescription, number: u8) -> u32 {
 pub(crate) fn controllers(hand: &RobotDescription, number: u8) -> Result<Controllers, Failure> {
     let mut controllers = [const { None }; FINGERS];
     for (finger, entry) in hand.fingers_on(number) {
-        let controller = FingerController::new(hand, entry, entry.chain());
-        let controller = controller.map_err(|error| Failure::Controller { finger, error })?;
+        let failed = |error| Failure::Controller { finger, error };
+        let transmission = entry.transmission().map_err(failed)?;
+        let controller = FingerController::new(hand, entry, entry.chain(), transmission);
+        let controller = controller.map_err(failed)?;
         if let Some(place) = controllers.get_mut(finger) {
             *place = Some(controller);
         }

@@ -83,20 +83,18 @@ pub(crate) fn wires<'s, M: Machine, B: Boards>(
     }
 }
 
-/// The counts of an output while nothing is controlled: of the least tension, and of no force.
+/// The counts of an output while nothing is controlled: of an actuator at rest, and of no force.
 fn at_rest(hand: &RobotDescription, channel: Channel) -> u32 {
     let wire = hand.wire(channel);
-    let newtons = match wire {
-        Some(Wire::Flexor { finger, joint }) => {
-            hand.joint(finger, joint).map(|joint| joint.flexor.min_n)
-        }
-        Some(Wire::Extensor { finger, joint }) => {
-            hand.joint(finger, joint).map(|joint| joint.extensor.min_n)
+    let effort = match wire {
+        Some(Wire::Actuator { finger, actuator }) => {
+            let actuator = hand.actuator(finger, actuator);
+            actuator.map(|actuator| actuator.limits().at_rest())
         }
         _ => None,
     };
     let output = wire.and_then(|wire| hand.output(wire));
-    output.map_or(0, |output| output.counts(newtons.unwrap_or(0.0)))
+    output.map_or(0, |output| output.counts(effort.unwrap_or(0.0)))
 }
 
 /// A rate of the configuration, which are above 0.

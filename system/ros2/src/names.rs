@@ -3,8 +3,8 @@
 /// The package to which the types of rows belong.
 const PACKAGE: &str = "condor_rows";
 
-/// Returns the name of the field for the variable `name`, such as `index_proximal_tension` for
-/// `index.proximal.tension`: lower-case letters, digits and single underscores, with a letter first. If `is_taken`
+/// Returns the name of the field for the variable `name`, such as `index_proximal_torque` for
+/// `index.proximal.torque`: lower-case letters, digits and single underscores, with a letter first. If `is_taken`
 /// returns true for that name, a number is appended.
 pub fn field_name(name: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let text = words(name).join("_").to_ascii_lowercase();
@@ -64,8 +64,8 @@ mod tests {
     fn names_become_legal_ones() {
         let field = |name| field_name(name, |_| false);
         assert_eq!(
-            field("index.proximal.flexor.tension"),
-            "index_proximal_flexor_tension"
+            field("index.proximal-flexor.effort"),
+            "index_proximal_flexor_effort"
         );
         assert_eq!(field("Kp__of [x]."), "kp_of_x");
         assert_eq!(["", "µ", "3d"].map(field), ["v", "v", "v_3d"]);

@@ -13,6 +13,8 @@ pub(crate) struct Finger {
     pub(crate) links: Vec<Link>,
     /// The tip, in the frame of the last link, m.
     pub(crate) tip: Vector3<f64>,
+    /// The tendons: actuators that can only pull.
+    pub(crate) tendons: Vec<Tendon>,
 }
 
 /// A link, with the joint that moves it.
@@ -24,40 +26,47 @@ pub(crate) struct Link {
     pub(crate) placement: Pose,
     pub(crate) motion: ChainMotion,
     pub(crate) limits: config::Limits,
-    /// The largest torque or force of the flexor, N m or N.
+    /// The largest torque or force of the joint to either side, N m or N.
     pub(crate) effort: f64,
     /// The edges of its body, if that is a cuboid, m.
     pub(crate) cuboid: Option<[f64; 3]>,
     pub(crate) body: Option<ChainBody>,
-    /// The flexor and the extensor.
-    pub(crate) tendons: [Tendon; 2],
 }
 
 impl Finger {
-    pub(crate) fn new<const JOINTS: usize>(finger: &config::Finger<JOINTS>) -> Self {
+    pub(crate) fn new<const JOINTS: usize, const ACTUATORS: usize>(
+        finger: &config::Finger<JOINTS, ACTUATORS>,
+    ) -> Self {
         let chain = finger.chain();
-        let links = finger
-            .joints
-            .iter()
-            .zip(chain.joints())
-            .map(|(joint, at)| Link {
+        // Without arms that are possible, nothing moves the joints.
+        let transmission = finger.transmission().ok();
+        let range = |joint| transmission.map_or((0.0, 0.0), |it| it.torque_range(joint));
+        let joints = finger.joints.iter().zip(chain.joints()).enumerate();
+        let links = joints.map(|(place, (joint, at))| {
+            let (least, greatest) = range(place);
+            Link {
                 name: format!("{}.{}", finger.name, joint.name),
                 placement: at.placement,
                 motion: at.motion,
                 limits: joint.limits,
-                effort: (joint.flexor.max_n * joint.flexor.arm_m).abs(),
+                effort: greatest.abs().max(least.abs()),
                 cuboid: joint.body.and_then(|body| match body.shape {
                     Shape::Cuboid(edges) => Some(edges),
                     Shape::Inertia { .. } => None,
                 }),
                 body: joint.body.map(|body| body.rigid_body()),
-                tendons: Tendon::of(finger, joint),
-            });
+            }
+        });
         Self {
             name: finger.name.to_string(),
             base: *chain.base(),
             links: links.collect(),
             tip: *chain.tip_point(),
+            tendons: finger
+                .actuators
+                .iter()
+                .filter_map(|actuator| Tendon::of(finger, actuator))
+                .collect(),
         }
     }
 
@@ -115,39 +124,29 @@ impl Link {
     }
 }
 
-/// A tendon, with its arm at each joint of the finger up to its own.
+/// A tendon, with its arm at each joint of the finger up to the last one that it moves.
 #[derive(Clone, Debug)]
 pub(crate) struct Tendon {
+    /// The name of its actuator: `FINGER.ACTUATOR`.
     pub(crate) name: String,
     /// The arms, proximal first, m: above 0 where it pulls to positive angles.
     pub(crate) arms: Vec<f64>,
 }
 
 impl Tendon {
-    /// Returns the flexor and the extensor of a joint.
-    fn of<const JOINTS: usize>(
-        finger: &config::Finger<JOINTS>,
-        joint: &config::Joint<JOINTS>,
-    ) -> [Self; 2] {
-        let arms = |own: f64, crossing: fn(&config::Crossing) -> f64| {
-            let before = finger.joints.iter().take_while(|it| it.name != joint.name);
-            let crossed = before.map(|before| {
-                let mut crosses = joint.crosses.iter();
-                let found = crosses.find(|it| it.joint == before.name);
-                found.map_or(0.0, crossing)
-            });
-            crossed.chain([own]).collect()
-        };
-        let name = |side| format!("{}.{}.{side}", finger.name, joint.name);
-        [
-            Self {
-                name: name("flexor"),
-                arms: arms(joint.flexor.arm_m, |it| it.flexor_m),
-            },
-            Self {
-                name: name("extensor"),
-                arms: arms(joint.extensor.arm_m, |it| it.extensor_m),
-            },
-        ]
+    /// Returns the tendon of an actuator; `None` for one that can push, or that moves nothing.
+    fn of<const JOINTS: usize, const ACTUATORS: usize>(
+        finger: &config::Finger<JOINTS, ACTUATORS>,
+        actuator: &config::Actuator<JOINTS>,
+    ) -> Option<Self> {
+        if actuator.limits.low < 0.0 {
+            return None;
+        }
+        let joints = finger.joints.iter();
+        let mut arms: Vec<f64> = joints.map(|joint| actuator.arm(&joint.name)).collect();
+        let last = arms.iter().rposition(|arm| *arm != 0.0)?;
+        arms.truncate(last + 1);
+        let name = format!("{}.{}", finger.name, actuator.name);
+        Some(Self { name, arms })
     }
 }

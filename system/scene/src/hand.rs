@@ -16,8 +16,8 @@ const BALL: &str = "ball";
 /// A hand as plots, recordings and viewers show it: lines, tendons, frames and URDF. It also
 /// simulates motions of the hand without any processor. The base of this robot is the palm.
 #[derive(Clone, Debug)]
-pub struct HandView<const FINGERS: usize, const JOINTS: usize> {
-    pub(crate) hand: Hand<FINGERS, JOINTS>,
+pub struct HandView<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> {
+    pub(crate) hand: Hand<FINGERS, JOINTS, ACTUATORS>,
     pub(crate) joints: Vec<RobotJoint>,
     pub(crate) fingers: Vec<Finger>,
     /// The variables of the ball, if one is shown.
@@ -37,10 +37,12 @@ pub struct Ball<'v> {
     pub touching: &'v str,
 }
 
-impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
+impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
+    HandView<FINGERS, JOINTS, ACTUATORS>
+{
     /// Makes the view of the hand that `hand` describes, without a ball.
     #[must_use]
-    pub fn new(hand: &Hand<FINGERS, JOINTS>) -> Self {
+    pub fn new(hand: &Hand<FINGERS, JOINTS, ACTUATORS>) -> Self {
         let fingers: Vec<Finger> = hand.fingers.iter().map(Finger::new).collect();
         let joints = fingers.iter().flat_map(|finger| &finger.links).map(|link| {
             let variable = |what| format!("{}.{what}", link.name);
@@ -86,7 +88,9 @@ impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
     }
 }
 
-impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOINTS> {
+impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Robot
+    for HandView<FINGERS, JOINTS, ACTUATORS>
+{
     fn joints(&self) -> &[RobotJoint] {
         &self.joints
     }
@@ -103,7 +107,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
             name: PALM.into(),
             points: palm.collect(),
             radius_m: thickest,
-            tension: None,
+            effort: None,
         }];
         let mut tendons = Vec::new();
         for (finger, poses) in self.posed(positions) {
@@ -114,14 +118,14 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
                 name: finger.name.clone(),
                 points: points.map(Into::into).collect(),
                 radius_m: finger.radius_m(),
-                tension: None,
+                effort: None,
             });
-            for tendon in finger.links.iter().flat_map(|link| &link.tendons) {
+            for tendon in &finger.tendons {
                 tendons.push(RobotLine {
                     name: tendon.name.clone(),
                     points: tendon::points(tendon, finger, &poses),
                     radius_m: 0.0,
-                    tension: Some(format!("{}.tension", tendon.name)),
+                    effort: Some(format!("{}.effort", tendon.name)),
                 });
             }
         }

@@ -1,17 +1,17 @@
-//! The motion that a hand makes of a text: the set-points of its master, and the torques and tensions that they
+//! The motion that a hand makes of a text: the set-points of its master, and the torques and efforts that they
 //! take.
 
 use condor_hand::config;
 use condor_hand::dynamics::{DriveDynamics, Dynamics};
 use condor_hand::kinematics::Chain;
-use condor_hand::tendon::{AllocatedTensions, MomentArms};
 use condor_hand::trajectory::motion::load;
 use condor_hand::trajectory::{
     Generator, Happening, MotionEnd, MotionError, MotionTicket, Observations, Primitive, SetPoint,
 };
+use condor_hand::transmission::{Efforts, Linear};
 use condor_host::error::AnyError;
 use condor_host::robot::{
-    Collision, JointPlan, Overload, Plan, PlanEvent, Robot as _, Simulator as _, TendonPlan, What,
+    ActuatorPlan, Collision, JointPlan, Overload, Plan, PlanEvent, Robot as _, Simulator as _, What,
 };
 use nalgebra::{SVector, Vector3};
 
@@ -27,8 +27,8 @@ const GIVEN: usize = 64;
 const TICKS: usize = 20_000;
 
 /// Makes the plan of a text, from rest at `from`.
-pub(crate) fn plan<const FINGERS: usize, const JOINTS: usize>(
-    view: &HandView<FINGERS, JOINTS>,
+pub(crate) fn plan<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>(
+    view: &HandView<FINGERS, JOINTS, ACTUATORS>,
     from: &[f64],
     text: &str,
     file: &str,
@@ -50,29 +50,22 @@ pub(crate) fn plan<const FINGERS: usize, const JOINTS: usize>(
         let mut first = 0;
         for model in &fingers {
             let own = points.get(first..first + model.joints).unwrap_or(&[]);
-            let (torque, allocated) = model.loads(own);
+            let (torque, efforts) = model.loads(own);
             for (place, point) in own.iter().enumerate() {
                 let joint = first + place;
-                let (Some(to), Some(&torque), Some(tension)) = (
-                    plan.joints.get_mut(joint),
-                    torque.get(place),
-                    allocated.tensions.get(place),
-                ) else {
+                let (Some(to), Some(&torque)) = (plan.joints.get_mut(joint), torque.get(place))
+                else {
                     continue;
                 };
                 to.position.push(point.position);
                 to.velocity.push(point.velocity);
                 to.acceleration.push(point.acceleration);
                 to.torque.push(torque);
-                for (tendon, tension) in to
-                    .tendons
-                    .iter_mut()
-                    .zip([tension.flexor, tension.extensor])
-                {
-                    tendon.tension.push(tension);
+                for (actuator, number) in to.actuators.iter_mut().zip(model.own(place)) {
+                    actuator.effort.extend(efforts.effort.get(number));
                 }
-                let possible = allocated.torque.get(place).copied().unwrap_or(torque);
-                let is_short = (allocated.saturated | allocated.not_finite) >> place & 1 == 1;
+                let possible = efforts.torque.get(place).copied().unwrap_or(torque);
+                let is_short = (efforts.saturated | efforts.not_finite) >> place & 1 == 1;
                 if let Some(short) = short.get_mut(joint) {
                     short.push(is_short.then_some((torque, possible)));
                 }
@@ -122,8 +115,8 @@ pub(crate) fn plan<const FINGERS: usize, const JOINTS: usize>(
 }
 
 /// Reads the motions of a text.
-pub(crate) fn motions<const FINGERS: usize, const JOINTS: usize>(
-    view: &HandView<FINGERS, JOINTS>,
+pub(crate) fn motions<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>(
+    view: &HandView<FINGERS, JOINTS, ACTUATORS>,
     text: &str,
     file: &str,
 ) -> Result<Vec<Primitive<ALL>>, AnyError> {
@@ -137,41 +130,36 @@ pub(crate) fn motions<const FINGERS: usize, const JOINTS: usize>(
 }
 
 /// A plan of no ticks.
-fn empty<const FINGERS: usize, const JOINTS: usize>(
-    view: &HandView<FINGERS, JOINTS>,
-    models: &[Model<JOINTS>],
+fn empty<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>(
+    view: &HandView<FINGERS, JOINTS, ACTUATORS>,
+    models: &[Model<JOINTS, ACTUATORS>],
     period_s: f64,
 ) -> Plan {
     let mut joints = Vec::new();
-    let entries = view.hand.fingers.iter().flat_map(|finger| &finger.joints);
-    let links = view.fingers.iter().flat_map(|finger| &finger.links);
-    let ranges = models
-        .iter()
-        .flat_map(|model| (0..model.joints).map(|joint| model.arms.torque_range(joint)));
-    for ((entry, link), (least, greatest)) in entries.zip(links).zip(ranges) {
-        let limits = &entry.limits;
-        let own = [&entry.flexor, &entry.extensor];
-        let tendons = link
-            .tendons
-            .iter()
-            .zip(own)
-            .map(|(tendon, own)| TendonPlan {
-                name: tendon.name.clone(),
-                tension: Vec::new(),
-                limits: [own.min_n, own.max_n],
+    for ((entry, finger), model) in view.hand.fingers.iter().zip(&view.fingers).zip(models) {
+        for (place, (joint, link)) in entry.joints.iter().zip(&finger.links).enumerate() {
+            let own = model
+                .own(place)
+                .filter_map(|number| entry.actuators.get(number));
+            let actuators = own.map(|actuator| ActuatorPlan {
+                name: format!("{}.{}", entry.name, actuator.name),
+                effort: Vec::new(),
+                limits: [actuator.limits.low, actuator.limits.high],
             });
-        joints.push(JointPlan {
-            name: link.name.clone(),
-            position: Vec::new(),
-            velocity: Vec::new(),
-            acceleration: Vec::new(),
-            torque: Vec::new(),
-            position_limits: [limits.low, limits.high],
-            velocity_limit: limits.velocity,
-            acceleration_limit: limits.acceleration,
-            torque_limits: [least, greatest],
-            tendons: tendons.collect(),
-        });
+            let (limits, torques) = (&joint.limits, model.transmission.torque_range(place));
+            joints.push(JointPlan {
+                name: link.name.clone(),
+                position: Vec::new(),
+                velocity: Vec::new(),
+                acceleration: Vec::new(),
+                torque: Vec::new(),
+                position_limits: [limits.low, limits.high],
+                velocity_limit: limits.velocity,
+                acceleration_limit: limits.acceleration,
+                torque_limits: torques.into(),
+                actuators: actuators.collect(),
+            });
+        }
     }
     Plan {
         period_s,
@@ -222,8 +210,8 @@ struct Player {
 }
 
 impl Player {
-    fn new<const FINGERS: usize, const JOINTS: usize>(
-        view: &HandView<FINGERS, JOINTS>,
+    fn new<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>(
+        view: &HandView<FINGERS, JOINTS, ACTUATORS>,
         from: &[f64],
         mut motions: Vec<Primitive<ALL>>,
         period_s: f64,
@@ -327,7 +315,7 @@ impl Player {
         // Once nothing moves, the turn of the next one has come.
         if let (false, 0, Some(next)) = (self.is_over, self.moving, self.motions.get(self.begun)) {
             let start = &next.start;
-            let needs_sensors = start.torque.is_some() || start.tension.is_some() || start.contact;
+            let needs_sensors = start.torque.is_some() || start.effort.is_some() || start.contact;
             if needs_sensors && start.time.is_none() {
                 self.tell(before + 1, self.begun + 1, What::Waits);
                 self.is_over = true;
@@ -353,19 +341,19 @@ impl Player {
     }
 }
 
-/// The dynamics of a finger: the torques that a motion takes, and the tendons that produce them.
-struct Model<const JOINTS: usize> {
+/// The dynamics of a finger: the torques that a motion takes, and the actuators that produce them.
+struct Model<const JOINTS: usize, const ACTUATORS: usize> {
     joints: usize,
     chain: Chain<JOINTS>,
     drive: DriveDynamics<JOINTS>,
-    arms: MomentArms<JOINTS>,
+    transmission: Linear<JOINTS, ACTUATORS>,
     gravity: Vector3<f64>,
 }
 
-impl<const JOINTS: usize> Model<JOINTS> {
+impl<const JOINTS: usize, const ACTUATORS: usize> Model<JOINTS, ACTUATORS> {
     fn new<const FINGERS: usize>(
-        finger: &config::Finger<JOINTS>,
-        hand: &config::Hand<FINGERS, JOINTS>,
+        finger: &config::Finger<JOINTS, ACTUATORS>,
+        hand: &config::Hand<FINGERS, JOINTS, ACTUATORS>,
     ) -> Result<Self, AnyError> {
         let sample_hz = f64::from(hand.servo_rate_hz(finger));
         let settings = finger.settings(sample_hz, hand.transition_s);
@@ -373,13 +361,19 @@ impl<const JOINTS: usize> Model<JOINTS> {
             joints: finger.joints.len(),
             chain: finger.chain(),
             drive: settings.drive,
-            arms: finger.moment_arms()?,
+            transmission: finger.transmission()?,
             gravity: Vector3::from(hand.gravity),
         })
     }
 
-    /// Returns the torques that set-points take in free space, N m, and the tensions for them.
-    fn loads(&self, points: &[SetPoint]) -> (SVector<f64, JOINTS>, AllocatedTensions<JOINTS>) {
+    /// Iterates over the numbers of the actuators that belong to a joint.
+    fn own(&self, joint: usize) -> impl Iterator<Item = usize> {
+        let actuators = 0..ACTUATORS;
+        actuators.filter(move |actuator| self.transmission.joint_of(*actuator) == Some(joint))
+    }
+
+    /// Returns the torques that set-points take in free space, N m, and the efforts for them.
+    fn loads(&self, points: &[SetPoint]) -> (SVector<f64, JOINTS>, Efforts<JOINTS, ACTUATORS>) {
         let each = |part: fn(&SetPoint) -> f64| {
             SVector::from_fn(|joint, _| points.get(joint).map_or(0.0, part))
         };
@@ -389,6 +383,6 @@ impl<const JOINTS: usize> Model<JOINTS> {
         let links = (self.chain).inverse_dynamics(&q, &rates, &accelerations, &self.gravity);
         let torque =
             links + self.drive.armature.component_mul(&accelerations) + self.drive.torque(&rates);
-        (torque, self.arms.allocate(&torque))
+        (torque, self.transmission.efforts(&torque))
     }
 }

@@ -18,7 +18,9 @@ const REACHED_M: f64 = 1e-6;
 /// The farthest coordinate of a point, m.
 const FAR_M: f64 = 1e3;
 
-impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, JOINTS> {
+impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Simulator
+    for HandView<FINGERS, JOINTS, ACTUATORS>
+{
     fn moved(&self, positions: &[f64]) -> LimitedPosture {
         let mut moved = LimitedPosture {
             positions: Vec::new(),
@@ -127,7 +129,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, 
 /// A link, or a part of the palm, and its name.
 type Part<'v> = (&'v str, Capsule);
 
-impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
+impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
+    HandView<FINGERS, JOINTS, ACTUATORS>
+{
     /// Returns the finger that carries a frame, and the link; no link for the frame of a tip.
     fn carrier(&self, frame: &str) -> Result<(usize, Option<usize>), AnyError> {
         for (finger, entry) in self.fingers.iter().enumerate() {

@@ -26,7 +26,7 @@ const SPAN: Duration = Duration::from_secs(8);
 const MOST_BYTES: usize = 200_000;
 
 const POSITIONS: &str = "index.proximal.position index.proximal.target";
-const TENSIONS: &str = "index.proximal.flexor.tension index.proximal.extensor.tension";
+const EFFORTS: &str = "index.proximal-flexor.effort index.proximal-extensor.effort";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_debian(context, "tmux", "tmux")?;
@@ -90,14 +90,14 @@ impl Tmux {
         self.expect(&large, "That was it")?;
         // The page of plots is the last one.
         let keys = [
-            "F3", "F5", "n", "C-u", POSITIONS, "Enter", "p", TENSIONS, "Enter",
+            "F3", "F5", "n", "C-u", POSITIONS, "Enter", "p", EFFORTS, "Enter",
         ];
         self.send(&large, &keys)?;
         self.wave()?;
         thread::sleep(WAVING);
         count += self.photograph(&large, (200, 50), "hand-200x50")?;
 
-        let panes = format!("plot {POSITIONS} --pane '{TENSIONS}' --span 5s");
+        let panes = format!("plot {POSITIONS} --pane '{EFFORTS}' --span 5s");
         for (name, before) in [("80x24", ""), ("80x24-no-color", "NO_COLOR=1 ")] {
             self.open(
                 name,

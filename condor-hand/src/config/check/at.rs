@@ -126,6 +126,15 @@ impl At {
         )
     }
 
+    /// An actuator of this finger.
+    pub(super) fn actuator(&self, index: usize, name: &Name) -> Self {
+        let (way, finger) = (&self.way, &self.owner);
+        Self::new(
+            format_args!("{way}actuators[{index}]."),
+            format_args!("actuator `{}` of {finger}", short(name)),
+        )
+    }
+
     /// A table in this one.
     pub(super) fn table(&self, name: &str) -> Self {
         Self {
@@ -327,9 +336,9 @@ impl At {
     }
 
     /// Returns the processor of this number, which serves this part of the hand.
-    pub(super) fn served<'h, const F: usize, const J: usize>(
+    pub(super) fn served<'h, const F: usize, const J: usize, const A: usize>(
         &self,
-        hand: &'h Hand<F, J>,
+        hand: &'h Hand<F, J, A>,
         number: u8,
         needed: ProcessorKind,
     ) -> Result<&'h ControlProcessor, Mistake> {

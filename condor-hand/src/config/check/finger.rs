@@ -1,18 +1,18 @@
-//! Rules of fingers, joints and tendons.
+//! Rules of fingers, joints and actuators.
 
 use nalgebra::Matrix3;
 
-use super::at::{At, NOT_NEGATIVE, ORTHONORMAL, POSITIVE, Rule, entry};
+use super::at::{At, NOT_NEGATIVE, ORTHONORMAL, POSITIVE, Rule};
 use crate::config::{
-    Allowed, Finger, Form, Hand, Joint, JointMotion, LinkBody, Mistake, MistakeValue, Mount,
-    ProcessorKind, Rotation, ServoLaw, Shape, Tendon,
+    Actuator, Finger, Form, Hand, Joint, JointMotion, LinkBody, Mistake, Mount, ProcessorKind,
+    Rotation, ServoLaw, Shape,
 };
 use crate::kinematics::body_inertia;
 use crate::math::{abs, is_finite, max};
 use crate::number::count;
 use crate::{NumberError, Requirement, Subject};
 
-impl<const F: usize, const J: usize> Hand<F, J> {
+impl<const F: usize, const J: usize, const A: usize> Hand<F, J, A> {
     pub(super) fn check_finger(&self, index: usize) -> Result<(), Mistake> {
         let Some(finger) = self.fingers.get(index) else {
             return Ok(());
@@ -38,19 +38,28 @@ impl<const F: usize, const J: usize> Hand<F, J> {
             let served = at.served(self, joint.processor, ProcessorKind::Servo)?;
             if joint.processor != first {
                 let must = Requirement::Equal(first.into());
-                let reason = " like that of the finger's first joint; tendons couple the joints of a finger, so give them all one processor";
+                let reason = " like that of the finger's first joint; actuators couple the joints of a finger, so give them all one processor";
                 return Err(at.off("processor", joint.processor.into(), must, reason));
             }
-            let rate_hz = self.rate_hz(served);
-            joint.check(&at, rate_hz)?;
-            joint.check_stop(&at, rate_hz)?;
-            finger.check_crossings(&at, place)?;
+            joint.check(&at, self.rate_hz(served))?;
         }
-        finger.check_arms(&at)
+        let rate_hz = self.servo_rate_hz(finger);
+        for (place, actuator) in finger.actuators.iter().enumerate() {
+            let at = at.actuator(place, &actuator.name);
+            let earlier = finger.actuators.iter().take(place);
+            at.name(&actuator.name, earlier.map(|actuator| &actuator.name))?;
+            actuator.check(&at, rate_hz)?;
+            actuator.check_arms(&at, finger)?;
+        }
+        // With the actuators, which are right.
+        for (place, joint) in finger.joints.iter().enumerate() {
+            finger.check_stop(joint, &at.joint(place, &joint.name), rate_hz)?;
+        }
+        finger.check_torques(&at)
     }
 }
 
-impl<const J: usize> Finger<J> {
+impl<const J: usize, const A: usize> Finger<J, A> {
     /// Checks the joints against the conditions of the finger's mechanism.
     fn check_form(&self, at: &At) -> Result<(), Mistake> {
         let is_planar = match self.form {
@@ -99,46 +108,39 @@ impl<const J: usize> Finger<J> {
         Ok(())
     }
 
-    /// Checks which joints the tendons of a joint cross.
-    fn check_crossings(&self, at: &At, index: usize) -> Result<(), Mistake> {
-        let crosses = self.joints.get(index).map(|joint| &joint.crosses);
-        let crosses = crosses.into_iter().flatten();
-        for (number, crossing) in crosses.clone().enumerate() {
-            at.table(&entry("crosses", number)).numbers([
-                ("flexor_m", crossing.flexor_m, Requirement::Finite),
-                ("extensor_m", crossing.extensor_m, Requirement::Finite),
-            ])?;
-            let crossed = &crossing.joint;
-            let mut earlier = crosses.clone().take(number);
-            let mut joints = self.joints.iter();
-            let rule = match joints.position(|other| other.name == *crossed) {
-                None => "it must be a joint of the finger",
-                Some(place) if place >= index => "it must be proximal to this one",
-                Some(_) if earlier.any(|other| other.joint == *crossed) => "it must be there once",
-                Some(_) => continue,
-            };
-            let value = MistakeValue::Name(crossed.clone());
-            let quantity = ": a joint in it";
-            let wrong = at.wrong("crosses", value, Allowed::Words(rule));
-            return Err(Mistake { quantity, ..wrong });
+    /// Checks that each joint can have torques of its own, and none.
+    fn check_torques(&self, at: &At) -> Result<(), Mistake> {
+        let at_joint = |joint: usize| {
+            let name = self.joints.get(joint).map(|joint| joint.name.clone());
+            at.joint(joint, &name.unwrap_or_default())
+        };
+        for (place, joint) in self.joints.iter().enumerate() {
+            if self
+                .actuators
+                .iter()
+                .all(|actuator| actuator.arm(&joint.name) == 0.0)
+            {
+                let rule = "give an actuator an arm at the joint, in its `arms`";
+                return Err(at_joint(place).words("", "moved by no actuator", rule));
+            }
         }
-        Ok(())
-    }
-
-    /// Checks that each joint has a torque of its own.
-    fn check_arms(&self, at: &At) -> Result<(), Mistake> {
-        let Err(NumberError { at: joint, .. }) = self.moment_arms() else {
-            return Ok(());
+        let transmission = match self.transmission() {
+            Ok(transmission) => transmission,
+            // All numbers are finite and in order.
+            Err(NumberError { at: subject, .. }) => {
+                let Subject::Joint(joint) = subject else {
+                    return Ok(());
+                };
+                let rule = "its actuators move it only together with joints after it; add an actuator or change an arm";
+                return Err(at_joint(joint.into()).words("", "without a torque of its own", rule));
+            }
         };
-        // All numbers are finite and in order.
-        let Subject::Joint(joint) = joint else {
+        let still = transmission.efforts(&nalgebra::SVector::zeros()).saturated;
+        if still == 0 {
             return Ok(());
-        };
-        let joint = usize::from(joint);
-        let name = self.joints.get(joint).map(|joint| joint.name.clone());
-        let at = at.joint(joint, &name.unwrap_or_default());
-        let rule = "no tendon turns the joint without others; give its tendons larger arms";
-        Err(at.words("flexor.arm_m", "too small", rule))
+        }
+        let rule = "no efforts within the `limits` of its actuators cancel there; change their limits or their arms";
+        Err(at_joint(still.trailing_zeros() as usize).words("", "never without a torque", rule))
     }
 }
 
@@ -205,8 +207,8 @@ fn is_possible(inertia: &Matrix3<f64>) -> bool {
         && body_inertia(inertia, 1e-9).is_ok()
 }
 
-impl<const J: usize> Joint<J> {
-    /// The rules of its numbers that do not depend on those of others, or of its tendons.
+impl Joint {
+    /// The rules of its numbers that do not depend on those of others.
     pub(in crate::config) fn rules(&self) -> [Rule; 16] {
         let (servo, stop, friction) = (&self.servo, &self.stop, &self.friction);
         let half = Requirement::AtMost(0.5 * (self.limits.high - self.limits.low));
@@ -246,59 +248,71 @@ impl<const J: usize> Joint<J> {
         at.cutoff("servo.position_cutoff_hz", cutoff_hz, rate_hz)?;
         let cutoff_hz = Some(servo.velocity_cutoff_hz);
         at.cutoff("servo.velocity_cutoff_hz", cutoff_hz, rate_hz)?;
-        at.input(&self.adc, [self.limits.low, self.limits.high])?;
-        let (flexor, extensor) = (&self.flexor, &self.extensor);
-        let (of_flexor, of_extensor) = (at.table("flexor"), at.table("extensor"));
-        of_flexor.number("arm_m", flexor.arm_m, POSITIVE)?;
-        of_extensor.number("arm_m", extensor.arm_m, Requirement::Below(0.0))?;
-        flexor.check(&of_flexor, rate_hz)?;
-        extensor.check(&of_extensor, rate_hz)?;
-        // Antagonists with different limits need tensions that both can have, so that a joint can have no torque.
-        of_flexor.below(("min_n", flexor.min_n), ("extensor.max_n", extensor.max_n))?;
-        of_extensor.below(("min_n", extensor.min_n), ("flexor.max_n", flexor.max_n))
+        at.input(&self.adc, [self.limits.low, self.limits.high])
     }
 }
 
-impl Tendon {
-    /// The rules of its numbers that do not depend on others.
-    pub(in crate::config) fn rules(&self) -> [Rule; 10] {
-        let gains = &self.gains;
-        [
-            ("slack_n", self.slack_n, NOT_NEGATIVE),
-            ("actuator_hz", self.actuator_hz, POSITIVE),
-            ("gains.kt", gains.kt, NOT_NEGATIVE),
+impl<const J: usize> Actuator<J> {
+    fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
+        let (gains, limits, faults) = (&self.gains, &self.limits, &self.faults);
+        at.numbers([
+            ("limits.low", limits.low, Requirement::Finite),
+            ("limits.high", limits.high, Requirement::Finite),
+            ("pole_hz", self.pole_hz, POSITIVE),
+            ("gains.kp", gains.kp, NOT_NEGATIVE),
             ("gains.ki", gains.ki, NOT_NEGATIVE),
             ("gains.kd", gains.kd, NOT_NEGATIVE),
             ("gains.kv", gains.kv, NOT_NEGATIVE),
-            ("arm_m", self.arm_m, Requirement::Finite),
-            ("min_n", self.min_n, Requirement::Finite),
-            ("max_n", self.max_n, Requirement::Finite),
-            ("break_n", self.break_n, Requirement::Finite),
-        ]
-    }
-
-    /// Its tensions, each of which must be below the next.
-    pub(in crate::config) const fn order(&self) -> [[(&'static str, f64); 2]; 3] {
-        let (slack, least) = (("slack_n", self.slack_n), ("min_n", self.min_n));
-        let (largest, breaks) = (("max_n", self.max_n), ("break_n", self.break_n));
-        [[slack, least], [least, largest], [largest, breaks]]
-    }
-
-    fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
-        at.numbers(self.rules())?;
-        for [tension, above] in self.order() {
-            at.below(tension, above)?;
+        ])?;
+        at.below(("limits.low", limits.low), ("limits.high", limits.high))?;
+        if let Some(bias) = limits.bias {
+            at.number("limits.bias", bias, Requirement::Finite)?;
+            let within = Requirement::Within(limits.low, limits.high);
+            if !within.holds(bias) {
+                return Err(at.off("limits.bias", bias, within, ", its `low` and its `high`"));
+            }
         }
-        if let Some(bias_n) = self.bias_n {
-            at.number(
-                "bias_n",
-                bias_n,
-                Requirement::Within(self.min_n, self.max_n),
-            )?;
+        let (mut least, mut greatest) = (limits.low, limits.high);
+        if let Some(below) = faults.below {
+            at.below(("faults.below", below), ("limits.low", limits.low))?;
+            least = below;
+        }
+        if let Some(above) = faults.above {
+            at.number("faults.above", above, Requirement::Finite)?;
+            let must = Requirement::Above(limits.high);
+            if !must.holds(above) {
+                return Err(at.off("faults.above", above, must, ", its `limits.high`"));
+            }
+            greatest = above;
         }
         at.cutoff("cutoff_hz", self.cutoff_hz, rate_hz)?;
-        at.input(&self.adc, [self.slack_n, self.break_n])?;
-        at.output(&self.dac, [0.0, self.max_n])
+        match &self.adc {
+            Some(adc) => at.input(adc, [least, greatest])?,
+            None if faults.below.or(faults.above).is_some() => {
+                let rule = "the actuator has no sensor of its effort (`adc`), so leave them out";
+                return Err(at.words("faults", "needless", rule));
+            }
+            None => {}
+        }
+        let (least, greatest) = self.limits().command_range();
+        at.output(&self.dac, [least, greatest])
+    }
+
+    /// Checks which joints it moves.
+    fn check_arms<const A: usize>(&self, at: &At, finger: &Finger<J, A>) -> Result<(), Mistake> {
+        at.not_empty("arms", self.arms.is_empty())?;
+        let at = at.table("arms");
+        for (name, &arm) in &self.arms {
+            if !finger.joints.iter().any(|joint| joint.name == *name) {
+                let rule = "name one of its joints";
+                return Err(at.words(name, "at no joint of the finger", rule));
+            }
+            at.number(name, arm, Requirement::Finite)?;
+            if arm == 0.0 {
+                return Err(at.words(name, "0", "leave out a joint that it does not move"));
+            }
+        }
+        Ok(())
     }
 }
 

@@ -7,7 +7,7 @@ use crate::config::{
 };
 use crate::number::is_within;
 
-impl<const F: usize, const J: usize> Hand<F, J> {
+impl<const F: usize, const J: usize, const A: usize> Hand<F, J, A> {
     pub(super) fn check_rates(&self, at: &At) -> Result<(), Mistake> {
         let trajectory_hz = self.trajectory_hz;
         self.check_rate(at, "trajectory_hz", trajectory_hz)?;
@@ -109,8 +109,11 @@ impl<const F: usize, const J: usize> Hand<F, J> {
         };
         match wire {
             Wire::Position { finger, joint } => of_joint(finger, joint),
-            Wire::Flexor { finger, joint } => of_joint(finger, joint).table("flexor"),
-            Wire::Extensor { finger, joint } => of_joint(finger, joint).table("extensor"),
+            Wire::Actuator { finger, actuator } => {
+                let entry = self.actuator(finger, actuator);
+                let name = entry.map(|actuator| actuator.name.clone());
+                of_finger(finger).actuator(actuator, &name.unwrap_or_default())
+            }
             Wire::Touch { finger } => of_finger(finger).table("touch"),
             Wire::Axis { axis } => {
                 let entry = self.table.as_ref().and_then(|table| table.axes.get(axis));
@@ -136,7 +139,7 @@ impl<const F: usize, const J: usize> Hand<F, J> {
 impl FaultPolicy {
     /// The rules of its numbers, with servos of this rate.
     pub(in crate::config) fn rules(&self, servo_hz: u32) -> [Rule; 11] {
-        // The way to the least tensions takes two ticks or more, which 32 bits count.
+        // The way to rest takes two ticks or more, which 32 bits count.
         let servo_hz = f64::from(servo_hz);
         let least = Requirement::AtLeast(2.0 / servo_hz);
         let most = Requirement::AtMost(f64::from(u32::MAX) / servo_hz);
@@ -144,7 +147,7 @@ impl FaultPolicy {
             ("safe_s", self.safe_s, least),
             ("safe_s", self.safe_s, most),
             ("stale_s", self.stale_s, POSITIVE),
-            ("tension_samples", self.tension_samples.into(), POSITIVE),
+            ("effort_samples", self.effort_samples.into(), POSITIVE),
             ("sensor_samples", self.sensor_samples.into(), POSITIVE),
             ("lost_samples", self.lost_samples.into(), POSITIVE),
             ("frozen_rad", self.frozen_rad, POSITIVE),

@@ -1,4 +1,4 @@
-//! The sources of the values that a joint or a finger leaves out.
+//! The sources of the values that a joint, an actuator or a finger leaves out.
 
 use core::ops::Range;
 use std::vec::Vec;
@@ -8,8 +8,13 @@ use toml::de::{DeTable, DeValue};
 
 type Value<'t> = Spanned<DeValue<'t>>;
 
-/// The defaults of the joints of a finger, or of all fingers.
-const JOINT_DEFAULTS: &str = "joint_defaults";
+/// The lists of a finger, each with the key of the defaults of its entries, in a finger or for all fingers.
+const LISTS: [(&str, &str); 2] = [
+    ("joints", "joint_defaults"),
+    ("actuators", "actuator_defaults"),
+];
+
+type Defaults<'t> = [Option<Value<'t>>; LISTS.len()];
 
 /// The finger from which another takes what it leaves out.
 const LIKE: &str = "like";
@@ -20,26 +25,29 @@ const CHANNEL: &str = "channel";
 /// Keys whose tables have one key that chooses: two choices do not mix.
 const CHOICES: [&str; 4] = ["form", "motion", "rotation", "shape"];
 
-/// Fills in what the fingers and joints leave out, and removes the keys that say from where.
+/// A table that is not completed: an actuator moves these joints and no others.
+const WHOLE: &str = "arms";
+
+/// Fills in what the fingers, joints and actuators leave out, and removes the keys that say from where.
 pub(super) fn fill(tree: &mut Value<'_>) -> Result<(), Misreading> {
-    let general = take_table(tree)?;
+    let general = take_defaults(tree)?;
     let Some(DeValue::Array(fingers)) = get_mut(tree, "fingers") else {
         return Ok(());
     };
     let mut above: Vec<Value<'_>> = Vec::new();
     for finger in fingers.iter_mut() {
-        let own = take_table(finger)?;
+        let own = take_defaults(finger)?;
         let like = match take(finger, LIKE) {
             Some(like) => Some(find(&above, &like)?),
             None => None,
         };
-        add_to_joints(finger, own.as_ref());
+        add_defaults(finger, &own);
         if let Some(like) = like {
             add_finger(finger, like);
-            // Joints that only the other finger has come with the other finger's defaults.
-            add_to_joints(finger, own.as_ref());
+            // Entries that only the other finger has come with the other finger's defaults.
+            add_defaults(finger, &own);
         }
-        add_to_joints(finger, general.as_ref());
+        add_defaults(finger, &general);
         let mut model = finger.clone();
         disconnect(&mut model);
         above.push(model);
@@ -62,14 +70,18 @@ fn take<'t>(table: &mut Value<'t>, key: &str) -> Option<Value<'t>> {
     }
 }
 
-/// Takes the defaults of joints out of a table.
-fn take_table<'t>(table: &mut Value<'t>) -> Result<Option<Value<'t>>, Misreading> {
-    match take(table, JOINT_DEFAULTS) {
-        Some(value) if !value.get_ref().is_table() => {
-            Err(Misreading::unsuitable(&value, "a table of defaults"))
+/// Takes the defaults of the lists out of a table.
+fn take_defaults<'t>(table: &mut Value<'t>) -> Result<Defaults<'t>, Misreading> {
+    let mut all = [None, None];
+    for (place, (_, key)) in all.iter_mut().zip(LISTS) {
+        *place = take(table, key);
+        if let Some(value) = place
+            && !value.get_ref().is_table()
+        {
+            return Err(Misreading::unsuitable(value, "a table of defaults"));
         }
-        value => Ok(value),
     }
+    Ok(all)
 }
 
 /// The finger above that `like` names.
@@ -87,32 +99,39 @@ fn find<'a, 't>(above: &'a [Value<'t>], like: &Value<'_>) -> Result<&'a Value<'t
     })
 }
 
-fn joints<'a, 't>(finger: &'a mut Value<'t>) -> impl Iterator<Item = &'a mut Value<'t>> {
-    let joints = match get_mut(finger, "joints") {
-        Some(DeValue::Array(joints)) => Some(joints.iter_mut()),
+fn entries<'a, 't>(
+    finger: &'a mut Value<'t>,
+    list: &str,
+) -> impl Iterator<Item = &'a mut Value<'t>> {
+    let entries = match get_mut(finger, list) {
+        Some(DeValue::Array(entries)) => Some(entries.iter_mut()),
         _ => None,
     };
-    joints.into_iter().flatten()
+    entries.into_iter().flatten()
 }
 
-fn add_to_joints<'t>(finger: &mut Value<'t>, defaults: Option<&Value<'t>>) {
-    if let Some(defaults) = defaults {
-        joints(finger).for_each(|joint| add(joint, defaults));
+fn add_defaults<'t>(finger: &mut Value<'t>, defaults: &Defaults<'t>) {
+    for ((list, _), defaults) in LISTS.into_iter().zip(defaults) {
+        if let Some(defaults) = defaults {
+            entries(finger, list).for_each(|entry| add(entry, defaults));
+        }
     }
 }
 
-/// Adds what a finger leaves out, to each joint from the one in the same place.
+/// Adds what a finger leaves out, to each entry of a list from the one in the same place.
 fn add_finger<'t>(finger: &mut Value<'t>, like: &Value<'t>) {
     let is_named = finger.get_ref().get("name").is_some();
     add(finger, like);
     if !is_named {
         take(finger, "name");
     }
-    let others = like.get_ref().get("joints");
-    if let Some(others) = others.and_then(|others| others.get_ref().as_array()) {
-        joints(finger)
-            .zip(others.iter())
-            .for_each(|(joint, other)| add(joint, other));
+    for (list, _) in LISTS {
+        let others = like.get_ref().get(list);
+        if let Some(others) = others.and_then(|others| others.get_ref().as_array()) {
+            entries(finger, list)
+                .zip(others.iter())
+                .for_each(|(entry, other)| add(entry, other));
+        }
     }
 }
 
@@ -125,6 +144,7 @@ fn add<'t>(value: &mut Value<'t>, defaults: &Value<'t>) {
     };
     for (key, default) in defaults {
         match own.get_mut(key) {
+            Some(_) if key.get_ref() == WHOLE => {}
             Some(value) if !is_choice(key.get_ref()) || is_same_choice(value, default) => {
                 add(value, default);
             }
@@ -165,7 +185,7 @@ fn fill_in<'t>(key: &str, default: &Value<'t>, span: &Range<usize>) -> Value<'t>
     }
 }
 
-/// Removes every `channel`: no two joints share one.
+/// Removes every `channel`: no two sensors or actuators share one.
 fn disconnect(value: &mut Value<'_>) {
     match value.get_mut() {
         DeValue::Table(entries) => {

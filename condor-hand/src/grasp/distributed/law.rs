@@ -2,30 +2,86 @@ use heapless::Vec;
 use nalgebra::{SVector, Vector3};
 
 use super::{GraspOrder, GraspReason, GraspReport, GraspState, HandJoints, MOST_FINGERS};
-use crate::config::{Finger, Joint};
+use crate::config::Finger;
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 use crate::grasp::{FingerState, GraspStiffness, TorqueLimits};
 use crate::kinematics::Kinematics;
-use crate::math::{clamp, min};
-use crate::servo::{JointTarget, ServoMode};
+use crate::math::clamp;
+use crate::servo::{JointTarget, ServoMode, ServoRefusal};
+use crate::transmission::Transmission;
 
 /// The time within which all fingers are to have the order, s.
 const PATIENCE_S: f64 = 0.25;
+
+/// The parts of the controller of a finger with N joints that a [`DistributedGrasp`] uses; [`FingerController`] has the
+/// documentation of each.
+pub trait GraspedFinger<const N: usize> {
+    /// Returns the number of joints.
+    fn joints(&self) -> usize;
+    /// Returns the mode of a joint.
+    fn mode(&self, joint: usize) -> Option<ServoMode>;
+    /// Returns true if the finger has a fault.
+    fn has_fault(&self) -> bool;
+    /// Returns the positions of the joints, rad, without implausible readings.
+    fn plausible(&self, position: &SVector<f64, N>, period_s: f64) -> SVector<f64, N>;
+    /// Switches a joint to another mode.
+    ///
+    /// # Errors
+    /// A [`ServoRefusal`] if the finger refuses the mode.
+    fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), ServoRefusal>;
+    /// Sets the target of a joint.
+    ///
+    /// # Errors
+    /// A [`ServoRefusal`] if the finger refuses the target.
+    fn set_target(&mut self, joint: usize, target: JointTarget) -> Result<(), ServoRefusal>;
+}
+
+impl<M, T, const N: usize, const A: usize> GraspedFinger<N> for FingerController<M, T, N, A>
+where
+    M: Dynamics<N>,
+    T: Transmission<N, A>,
+{
+    fn joints(&self) -> usize {
+        self.joints()
+    }
+
+    fn mode(&self, joint: usize) -> Option<ServoMode> {
+        self.mode(joint)
+    }
+
+    fn has_fault(&self) -> bool {
+        self.fault().is_some()
+    }
+
+    fn plausible(&self, position: &SVector<f64, N>, period_s: f64) -> SVector<f64, N> {
+        self.plausible(position, period_s)
+    }
+
+    fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), ServoRefusal> {
+        self.set_mode(joint, mode)
+    }
+
+    fn set_target(&mut self, joint: usize, target: JointTarget) -> Result<(), ServoRefusal> {
+        self.set_target(joint, target)
+    }
+}
 
 /// Access to the controllers of the fingers that a processor serves, for a [`DistributedGrasp`].
 ///
 /// An array `[Option<FingerController>; F]` implements this trait, and so does the `HandLoop` of
 /// condor-robot.
-pub trait FingerControllers<M, const N: usize> {
+pub trait FingerControllers<const N: usize> {
+    /// The controller of a finger.
+    type Controller: GraspedFinger<N>;
     /// Returns the controller of a finger of the hand; `None` if the processor does not serve it.
-    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>>;
+    fn of_finger(&mut self, finger: usize) -> Option<&mut Self::Controller>;
 }
 
-impl<M, const F: usize, const N: usize> FingerControllers<M, N>
-    for [Option<FingerController<M, N>>; F]
-{
-    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
+impl<C: GraspedFinger<N>, const F: usize, const N: usize> FingerControllers<N> for [Option<C>; F] {
+    type Controller = C;
+
+    fn of_finger(&mut self, finger: usize) -> Option<&mut C> {
         self.get_mut(finger)?.as_mut()
     }
 }
@@ -112,21 +168,15 @@ where
     /// Makes the part of a grasp for one processor. `fingers` are the configurations and mechanisms
     /// of all fingers of the hand, at most [`MOST_FINGERS`]; `served[i]` is true if this processor
     /// serves finger *i*.
-    pub fn new(fingers: [(&Finger<N>, M); F], served: [bool; F]) -> Self {
+    pub fn new<const A: usize>(fingers: [(&Finger<N, A>, M); F], served: [bool; F]) -> Self {
         const { assert!(F <= MOST_FINGERS) };
-        let torque = |joint: &Joint<N>| {
-            min(
-                joint.flexor.arm_m * (joint.flexor.max_n - joint.flexor.min_n),
-                -joint.extensor.arm_m * (joint.extensor.max_n - joint.extensor.min_n),
-            )
-        };
         let mut holders = [const { None }; F];
         for (finger, (holder, served)) in holders.iter_mut().zip(served).enumerate() {
             *holder = served.then(|| Holder::new(finger));
         }
         Self {
             members: fingers.map(|(finger, mechanism)| {
-                let limits = TorqueLimits::symmetric(&finger.each(torque));
+                let limits = TorqueLimits::symmetric(&finger.own_torques());
                 (mechanism, limits)
             }),
             holders,
@@ -148,7 +198,7 @@ where
         mut position: [[f64; N]; F],
         velocity: [[f64; N]; F],
         period_s: f64,
-        controllers: &mut impl FingerControllers<M, N>,
+        controllers: &mut impl FingerControllers<N>,
     ) -> HandJoints<F, N> {
         for (finger, position) in position.iter_mut().enumerate() {
             if let Some(finger) = controllers.of_finger(finger) {
@@ -185,7 +235,7 @@ where
         inputs: &GraspInputs<F, N>,
         gravity: &Vector3<f64>,
         period_s: f64,
-        controllers: &mut impl FingerControllers<M, N>,
+        controllers: &mut impl FingerControllers<N>,
     ) {
         let mut former = core::mem::replace(&mut self.former, *own);
         if let Some(others) = &inputs.others {
@@ -258,7 +308,7 @@ impl<const F: usize, const N: usize> Holder<F, N> {
 impl<M, C, const F: usize, const N: usize> Step<'_, M, C, F, N>
 where
     M: Kinematics<N> + Dynamics<N>,
-    C: FingerControllers<M, N>,
+    C: FingerControllers<N>,
 {
     fn advance(
         &mut self,
@@ -341,7 +391,7 @@ where
         if (0..finger.joints()).all(|joint| finger.mode(joint) == Some(ServoMode::Grasp)) {
             return Ok(());
         }
-        Err(if finger.fault().is_some() {
+        Err(if finger.has_fault() {
             GraspReason::Fault
         } else {
             GraspReason::Switched

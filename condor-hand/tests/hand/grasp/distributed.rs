@@ -5,7 +5,6 @@ use condor_hand::grasp::distributed::{
 };
 use condor_hand::kinematics::{Kinematics, PlanarFinger};
 use condor_hand::servo::FingerReadings;
-use condor_hand::tendon::Pair;
 use nalgebra::Vector3;
 
 const HAND: &str = include_str!("../../../hands/utah-mit.toml");
@@ -14,7 +13,7 @@ const POSTURE: [[f64; 4]; 4] = [[0.0, 0.9, 0.8, 0.7]; 4];
 
 #[test]
 fn a_reading_that_is_none_does_not_end_a_grasp() {
-    let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml").unwrap();
+    let hand = Hand::<4, 4, 8>::from_toml(HAND, "utah-mit.toml").unwrap();
     let gravity = Vector3::from(hand.gravity);
     let fingers = [0, 1, 2, 3].map(|number| {
         let finger = &hand.fingers[number];
@@ -24,7 +23,9 @@ fn a_reading_that_is_none_does_not_end_a_grasp() {
     let mut number = 0;
     let mut controllers = fingers.map(|(finger, mechanism)| {
         number += 1;
-        served[number - 1].then(|| FingerController::new(&hand, finger, mechanism).unwrap())
+        let transmission = finger.transmission().unwrap();
+        let new = || FingerController::new(&hand, finger, mechanism, transmission).unwrap();
+        served[number - 1].then(new)
     });
     let mut law = DistributedGrasp::new(fingers, served);
     let tips = fingers.map(|(_, mechanism)| {
@@ -51,7 +52,7 @@ fn a_reading_that_is_none_does_not_end_a_grasp() {
         for (finger, position) in controllers.iter_mut().flatten().zip(&position) {
             let sensed = FingerReadings {
                 position: (*position).into(),
-                tension: [Pair::both(20.0); 4],
+                effort: [20.0; 8],
                 touch: 0.0,
             };
             assert_eq!(finger.tick(&sensed, &gravity, PERIOD_S).fault, None);
@@ -74,7 +75,7 @@ fn a_reading_that_is_none_does_not_end_a_grasp() {
 
 #[test]
 fn five_fingers_on_one_processor_hold_what_two_are_too_few_for() {
-    let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml").unwrap();
+    let hand = Hand::<4, 4, 8>::from_toml(HAND, "utah-mit.toml").unwrap();
     let gravity = Vector3::from(hand.gravity);
     let fingers = [0, 1, 2, 3, 0].map(|number| {
         let finger = &hand.fingers[number];
@@ -86,8 +87,10 @@ fn five_fingers_on_one_processor_hold_what_two_are_too_few_for() {
     let fifth = PlanarFinger::new(base, *fifth.lengths(), *fifth.bodies()).unwrap();
     let [a, b, c, d, (finger, _)] = fingers;
     let fingers = [a, b, c, d, (finger, fifth)];
-    let mut controllers = fingers
-        .map(|(finger, mechanism)| Some(FingerController::new(&hand, finger, mechanism).unwrap()));
+    let mut controllers = fingers.map(|(finger, mechanism)| {
+        let transmission = finger.transmission().unwrap();
+        FingerController::new(&hand, finger, mechanism, transmission).ok()
+    });
     let mut law = DistributedGrasp::new(fingers, [true; 5]);
     let tips = fingers.map(|(_, mechanism)| mechanism.tip(&POSTURE[0].into()).position.into());
     let mut tick = |order| {

@@ -3,7 +3,6 @@
 use condor_hand::Subject;
 use condor_hand::config::Hand;
 use condor_hand::plant::{DriveKind, PlantModel, SimStop, SimSurface};
-use condor_hand::tendon::Pair;
 use nalgebra::{Vector3, Vector4};
 
 use crate::support::geometry;
@@ -29,7 +28,7 @@ fn machine() -> PlantModel {
     }
 }
 
-fn shipped() -> Hand<4, 4> {
+fn shipped() -> Hand<4, 4, 8> {
     let text = include_str!("../../../hands/utah-mit.toml");
     Hand::from_toml(text, "utah-mit.toml").unwrap()
 }
@@ -37,13 +36,14 @@ fn shipped() -> Hand<4, 4> {
 #[test]
 fn a_finger_has_the_numbers_of_its_configuration() {
     let mut hand = shipped();
-    hand.fingers[2].joints[1].extensor.actuator_hz = 40.0;
+    hand.fingers[2].actuators[3].pole_hz = 40.0;
     hand.fingers[2].joints[1].friction.coulomb = 0.01;
     hand.fingers[2].joints[1].friction.coulomb_rate = 0.2;
     let geometry = geometry();
     let finger = &hand.fingers[2];
-    let parameters = machine().finger_parameters(finger).unwrap();
-    assert_eq!(parameters.arms, geometry.symmetric_arms());
+    let parameters = machine().finger_parameters(finger);
+    let transmission = finger.transmission().unwrap();
+    assert_eq!(transmission, geometry.symmetric_tendons());
     for (joint, parameters) in parameters.joints.iter().enumerate() {
         assert_eq!(parameters.friction.armature, 1.6e-5);
         assert_eq!(parameters.friction.viscous, 2e-3);
@@ -54,27 +54,32 @@ fn a_finger_has_the_numbers_of_its_configuration() {
     }
     let friction = &parameters.joints[1].friction;
     assert_eq!((friction.coulomb, friction.coulomb_rate), (0.01, 0.2));
-    assert_eq!(parameters.drives[1].flexor.max_n, geometry.fmax);
+    let [flexor, extensor] = [2, 3].map(|actuator| parameters.drives[actuator]);
+    assert_eq!((flexor.low, flexor.high), (0.0, geometry.fmax));
     let pole_hz = |kind| match kind {
         DriveKind::Exact { time_constant_s } => 1.0 / (core::f64::consts::TAU * time_constant_s),
         _ => f64::NAN,
     };
-    assert!((pole_hz(parameters.drives[1].flexor.kind) - 20.0).abs() < 1e-12);
-    assert!((pole_hz(parameters.drives[1].extensor.kind) - 40.0).abs() < 1e-12);
+    assert!((pole_hz(flexor.kind) - 20.0).abs() < 1e-12);
+    assert!((pole_hz(extensor.kind) - 40.0).abs() < 1e-12);
 }
 
 #[test]
 fn a_finger_without_one_of_its_joints_stays_there() {
     let mut hand = shipped();
     hand.fingers[0].joints.pop();
+    // The tendons of that joint have nothing to pull at.
+    hand.fingers[0].actuators.truncate(6);
     let finger = &hand.fingers[0];
     let q = Vector4::new(0.1, 0.5, 0.6, 0.0);
-    let mut plant = machine().finger(finger, finger.chain(), q).unwrap();
-    assert_eq!(plant.tensions()[0], Pair::both(4.0));
-    let gravity = Vector3::from(hand.gravity);
-    plant
-        .step(0.05, 500, &[Pair::both(4.0); 4], &gravity)
+    let transmission = finger.transmission().unwrap();
+    let mut plant = machine()
+        .finger(finger, finger.chain(), transmission, q)
         .unwrap();
+    let least = [4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0];
+    assert_eq!(*plant.efforts(), least);
+    let gravity = Vector3::from(hand.gravity);
+    plant.step(0.05, 500, &[4.0; 8], &gravity).unwrap();
     assert_eq!(plant.q()[3], 0.0);
     assert!((plant.q() - q).amax() > 0.01, "{:?}", plant.q());
 }

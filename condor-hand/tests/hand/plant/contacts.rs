@@ -4,19 +4,20 @@ use condor_hand::grasp::Wrench;
 use condor_hand::plant::{
     HandParameters, JointParameters, ObjectParameters, SimFinger, SimHand, SimObject,
 };
-use condor_hand::tendon::Pair;
+use condor_hand::transmission::Linear;
 use nalgebra::{Matrix3, Vector3};
 
 use super::mechanisms::{Slider, exact, finger, free_joint, hand_parameters, surface};
 
-const NOTHING: [Pair<f64>; 3] = [Pair {
-    flexor: 0.0,
-    extensor: 0.0,
-}; 3];
+/// Two tendons for each of three joints.
+type SliderFinger = SimFinger<Slider, Linear<3, 6>, 3, 6>;
+type SliderHand<const F: usize> = SimHand<Slider, Linear<3, 6>, F, 3, 6>;
+
+const NOTHING: [f64; 6] = [0.0; 6];
 
 const RADIUS: f64 = 0.03;
 
-fn slider(base: Vector3<f64>, joint: JointParameters) -> SimFinger<Slider, 3> {
+fn slider(base: Vector3<f64>, joint: JointParameters) -> SliderFinger {
     finger(Slider { mass: 0.05, base }, joint, exact(0.01))
 }
 
@@ -32,11 +33,11 @@ fn force(x: f64, y: f64, z: f64) -> Wrench {
 }
 
 /// A hand with no finger.
-fn empty(parameters: HandParameters) -> SimHand<Slider, 0, 3> {
+fn empty(parameters: HandParameters) -> SliderHand<0> {
     SimHand::new([], parameters).unwrap()
 }
 
-fn run<const F: usize>(hand: &mut SimHand<Slider, F, 3>, steps: usize) {
+fn run<const F: usize>(hand: &mut SliderHand<F>, steps: usize) {
     for _ in 0..steps {
         hand.step(&[NOTHING; F]).unwrap();
     }
@@ -163,7 +164,7 @@ fn count(n: usize) -> f64 {
 }
 
 /// Tips around a ball, each on springs along x, y, z that press it to the ball with `squeeze`.
-fn held<const F: usize>(stiffness: f64, squeeze: f64) -> SimHand<Slider, F, 3> {
+fn held<const F: usize>(stiffness: f64, squeeze: f64) -> SliderHand<F> {
     let fingers = std::array::from_fn(|number| {
         let angle = std::f64::consts::TAU * count(number) / count(F);
         let out = Vector3::new(libm::cos(angle), libm::sin(angle), 0.0);
@@ -268,13 +269,7 @@ fn the_same_run_gives_the_same_bits() {
         hand.push_object(force(0.3, 0.2, -0.1)).unwrap();
         for step in 0..400 {
             let pull = f64::from(step % 7);
-            hand.step(
-                &[[Pair {
-                    flexor: pull,
-                    extensor: 1.0,
-                }; 3]; 4],
-            )
-            .unwrap();
+            hand.step(&[[pull, 1.0, pull, 1.0, pull, 1.0]; 4]).unwrap();
         }
         let object = *hand.object().unwrap();
         (object, hand.fingers().map(|finger| *finger.q()))

@@ -1,19 +1,22 @@
-//! How tension follows its command.
+//! How an effort follows its command.
 
 use condor_hand::plant::{DriveKind, Pneumatic, SimDrive, SimFinger};
-use condor_hand::tendon::{Pair, TendonPairs};
+use condor_hand::transmission::Linear;
 use nalgebra::{Vector1, Vector3};
 use proptest::prelude::*;
 
-use super::mechanisms::{Pendulum, exact, finger, free_joint};
+use super::mechanisms::{Pendulum, exact, finger, free_joint, own_tendons};
 
 const ROD: Pendulum = Pendulum {
     mass: 0.1,
     length: 0.1,
 };
 
+/// A pendulum with a flexor and an extensor.
+type PulledRod = SimFinger<Pendulum, Linear<1, 2>, 1, 2>;
+
 /// A joint too heavy to move.
-fn held(drive: SimDrive) -> SimFinger<Pendulum, 1> {
+fn held(drive: SimDrive) -> PulledRod {
     let mut joint = free_joint();
     joint.friction.armature = 1e6;
     finger(ROD, joint, drive)
@@ -21,7 +24,8 @@ fn held(drive: SimDrive) -> SimFinger<Pendulum, 1> {
 
 fn pneumatic() -> SimDrive {
     SimDrive {
-        max_n: 130.0,
+        low: 0.0,
+        high: 130.0,
         kind: DriveKind::Pneumatic(Pneumatic {
             area_m2: 2.355e-4,
             valve_hz: 80.0,
@@ -37,18 +41,15 @@ fn pneumatic() -> SimDrive {
     }
 }
 
-fn flexor(command: f64) -> TendonPairs<f64, 1> {
-    [Pair {
-        flexor: command,
-        extensor: 0.0,
-    }]
+fn flexor(command: f64) -> [f64; 2] {
+    [command, 0.0]
 }
 
-fn step(finger: &mut SimFinger<Pendulum, 1>, dt: f64, updates: u32, command: f64) -> f64 {
+fn step(finger: &mut PulledRod, dt: f64, updates: u32, command: f64) -> f64 {
     finger
         .step(dt, updates, &flexor(command), &Vector3::zeros())
         .unwrap();
-    finger.tensions()[0].flexor
+    finger.efforts()[0]
 }
 
 #[test]
@@ -104,7 +105,7 @@ fn a_growing_chamber_loses_pressure() {
     let growth = 1.4 * area * rate / 1e-5 / (40.0 * core::f64::consts::PI);
     let pressure = (60.0 / area - growth * 101_325.0) / (1.0 + growth);
     let expected = pressure * area - 5.0 * rate - 1.0;
-    let tension = moved.tensions()[0].flexor;
+    let tension = moved.efforts()[0];
     assert!(
         (tension - expected).abs() < 0.02,
         "{tension} N, not {expected} N"
@@ -123,12 +124,12 @@ fn a_slack_tendon_never_pushes() {
         finger
             .advance(1e-4, &command, &Vector3::zeros(), &torque)
             .unwrap();
-        let tension = finger.tensions()[0];
+        let tensions = finger.efforts();
         assert!(
-            tension.flexor >= 0.0 && tension.extensor >= 0.0,
-            "{tension:?}"
+            tensions.iter().all(|&tension| tension >= 0.0),
+            "{tensions:?}"
         );
-        if tension.flexor == 0.0 {
+        if tensions[0] == 0.0 {
             slack += 1;
         } else {
             taut += 1;
@@ -157,20 +158,54 @@ fn what_is_no_number_is_no_command() {
 }
 
 #[test]
+fn drives_begin_with_the_effort_nearest_to_zero() {
+    for (low, high, first) in [
+        (0.0, 130.0, 0.0),
+        (-2.0, 2.0, 0.0),
+        (5.0, 9.0, 5.0),
+        (-9.0, -3.0, -3.0),
+    ] {
+        let drive = SimDrive {
+            low,
+            high,
+            ..exact(0.1)
+        };
+        let mut finger = held(drive);
+        assert_eq!(*finger.efforts(), [first; 2]);
+        finger
+            .step(5.0, 5000, &[f64::MIN, f64::MAX], &Vector3::zeros())
+            .unwrap();
+        let [least, greatest] = *finger.efforts();
+        assert!((least - low).abs() < 1e-9 && (greatest - high).abs() < 1e-9);
+    }
+}
+
+#[test]
 fn impossible_drives_are_refused_with_the_value() {
     let mut joint = free_joint();
     let parameters = |drive, joint| condor_hand::plant::FingerParameters {
-        arms: super::mechanisms::own_arms(0.01),
         joints: [joint],
-        drives: [Pair::both(drive)],
+        drives: [drive; 2],
     };
-    let refused = SimFinger::new(ROD, parameters(exact(0.0), joint), Vector1::zeros()).unwrap_err();
+    let tendons = own_tendons::<1, 2>(0.01);
+    let new = |parameters| SimFinger::new(ROD, tendons, parameters, Vector1::zeros()).unwrap_err();
+    let refused = new(parameters(exact(0.0), joint));
     assert_eq!(
         refused.to_string(),
         "the time constant of a drive, s is 0; it must be above 0"
     );
+    let drive = SimDrive {
+        low: 5.0,
+        high: 4.0,
+        ..exact(0.1)
+    };
+    let refused = new(parameters(drive, joint));
+    assert_eq!(
+        refused.to_string(),
+        "the greatest effort of a drive is 4; it must be at least 5"
+    );
     joint.range = (0.5, 0.5);
-    let refused = SimFinger::new(ROD, parameters(exact(0.1), joint), Vector1::zeros()).unwrap_err();
+    let refused = new(parameters(exact(0.1), joint));
     assert_eq!(
         refused.to_string(),
         "the end of a joint's range, rad is 0.5; it must be above 0.5"
@@ -193,11 +228,11 @@ proptest! {
         let mut finger = finger(ROD, joint, pneumatic());
         finger.reset(Vector1::new(start), flexor(4.0)).unwrap();
         for pair in commands.chunks(2) {
-            let commands = [Pair { flexor: pair[0], extensor: pair[1] }];
+            let commands = [pair[0], pair[1]];
             finger.step(2.5e-3, 25, &commands, &Vector3::new(0.0, 0.0, -9.81)).unwrap();
             prop_assert!(finger.q().x.abs() < 3.0, "{}", finger.q().x);
             prop_assert!(finger.qd().x.is_finite());
-            prop_assert!((0.0..1e3).contains(&finger.tensions()[0].flexor));
+            prop_assert!((0.0..1e3).contains(&finger.efforts()[0]));
         }
     }
 }

@@ -5,22 +5,22 @@ use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
 use condor_hand::plant::{FingerParameters, JointParameters, SimFinger};
-use condor_hand::tendon::Pair;
+use condor_hand::transmission::{EffortLimits, Linear};
 use nalgebra::{Matrix4, Vector1, Vector3, Vector4};
 
-use super::mechanisms::{Pendulum, exact, finger, free_joint};
+use super::mechanisms::{Pendulum, Slider, exact, finger, free_joint, moved_by, own_tendons};
 use crate::support::geometry;
 
-const STILL: [Pair<f64>; 1] = [Pair {
-    flexor: 0.0,
-    extensor: 0.0,
-}];
+/// A pendulum with a flexor and an extensor.
+type PulledRod = SimFinger<Pendulum, Linear<1, 2>, 1, 2>;
+
+const STILL: [f64; 2] = [0.0; 2];
 
 fn down() -> Vector3<f64> {
     Vector3::new(0.0, 0.0, -9.81)
 }
 
-fn pendulum(joint: JointParameters, q: f64) -> SimFinger<Pendulum, 1> {
+fn pendulum(joint: JointParameters, q: f64) -> PulledRod {
     let rod = Pendulum {
         mass: 0.1,
         length: 0.1,
@@ -31,7 +31,7 @@ fn pendulum(joint: JointParameters, q: f64) -> SimFinger<Pendulum, 1> {
 }
 
 /// Of the pendulum, which hangs at a right angle.
-fn energy(finger: &SimFinger<Pendulum, 1>) -> f64 {
+fn energy(finger: &PulledRod) -> f64 {
     let rod = finger.mechanism();
     let (q, qd) = (finger.q().x, finger.qd().x);
     0.5 * rod.inertia() * qd * qd + rod.mass * 9.81 * rod.length * (1.0 - libm::sin(q))
@@ -81,11 +81,11 @@ fn coulomb_friction_holds_a_pendulum_that_is_light_enough() {
 }
 
 #[test]
-fn friction_grows_with_the_tension_of_the_joints_own_tendons() {
+fn friction_grows_with_the_tension_of_the_tendons_at_the_joint() {
     let mut joint = free_joint();
     joint.friction.coulomb_rate = 1e-4;
     joint.friction.tendon = 0.5;
-    let pulled = [Pair::both(20.0)];
+    let pulled = [20.0; 2];
     // Two tendons of 20 N at 10 mm rub with 0.2 N m, and hold 98 mN m.
     let mut finger = pendulum(joint, 0.0);
     finger.reset(Vector1::zeros(), pulled).unwrap();
@@ -93,6 +93,38 @@ fn friction_grows_with_the_tension_of_the_joints_own_tendons() {
     assert!(finger.q().x.abs() < 1e-4, "{}", finger.q().x);
     finger.step(0.5, 5000, &STILL, &down()).unwrap();
     assert!(finger.q().x.abs() > 0.1, "{}", finger.q().x);
+}
+
+#[test]
+fn tendons_of_another_joint_that_cross_a_joint_rub_there_too() {
+    let mut joint = free_joint();
+    joint.friction.coulomb_rate = 1e-4;
+    joint.friction.tendon = 0.5;
+    // A flexor and an extensor of the first joint, and those of the second one, which cross the first.
+    let limits = EffortLimits {
+        low: 0.0,
+        high: 130.0,
+        bias: 0.0,
+    };
+    let arms = [
+        [1.0, 0.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [0.5, 1.0, 0.0],
+        [-0.5, -1.0, 0.0],
+    ];
+    let tendons = Linear::new(arms, [limits; 4]).unwrap();
+    let slider = Slider {
+        mass: 0.05,
+        base: Vector3::zeros(),
+    };
+    let mut finger = moved_by(slider, tendons, joint, exact(0.01));
+    // Two tensions of 20 N at an arm of 0.5 rub with 10 N, and hold a weight of 0.5 N along the first joint.
+    let (pulled, along) = ([0.0, 0.0, 20.0, 20.0], Vector3::new(-9.81, 0.0, 0.0));
+    finger.reset(Vector3::zeros(), pulled).unwrap();
+    finger.step(0.5, 5000, &pulled, &along).unwrap();
+    assert!(finger.q().x.abs() < 1e-4, "{}", finger.q().x);
+    finger.step(0.5, 5000, &[0.0; 4], &along).unwrap();
+    assert!(finger.q().x < -0.1, "{}", finger.q().x);
 }
 
 #[test]
@@ -121,7 +153,6 @@ fn a_finger_on_springs_loses_energy_to_friction_alone() {
     let geometry = geometry();
     for damping in [0.0, 0.002] {
         let parameters = FingerParameters {
-            arms: geometry.asymmetric_arms(),
             joints: [JointParameters {
                 friction: JointFriction {
                     armature: 1.6e-5,
@@ -131,20 +162,22 @@ fn a_finger_on_springs_loses_energy_to_friction_alone() {
                 stiffness: 0.4,
                 ..free_joint()
             }; 4],
-            drives: [Pair::both(exact(0.008)); 4],
+            drives: [exact(0.008); 8],
         };
         let mechanism: PlanarFinger = geometry.finger(1);
         let start = Vector4::new(0.2, 0.5, -0.4, 0.3);
-        let mut finger = SimFinger::new(mechanism, parameters, start).unwrap();
-        let energy = |finger: &SimFinger<PlanarFinger, 4>| {
+        let mut finger =
+            SimFinger::new(mechanism, geometry.asymmetric_tendons(), parameters, start).unwrap();
+        let energy = |finger: &SimFinger<PlanarFinger, Linear<4, 8>, 4, 8>| {
             let (q, qd) = (finger.q(), finger.qd());
             let mass = mechanism.mass_matrix(q) + Matrix4::from_diagonal_element(1.6e-5);
             0.5 * (qd.dot(&(mass * qd)) + 0.4 * q.norm_squared())
         };
         let (before, mut last, mut worst) = (energy(&finger), energy(&finger), 0.0);
         for _ in 0..100 {
-            let still = [Pair::both(0.0); 4];
-            finger.step(1e-2, 1000, &still, &Vector3::zeros()).unwrap();
+            finger
+                .step(1e-2, 1000, &[0.0; 8], &Vector3::zeros())
+                .unwrap();
             let now = energy(&finger);
             assert!(damping == 0.0 || now < last * 1.002, "{last} J to {now} J");
             worst = max(worst, (now / before - 1.0).abs());
@@ -165,10 +198,10 @@ fn a_finger_of_no_mass_is_refused() {
         length: 0.1,
     };
     let parameters = FingerParameters {
-        arms: super::mechanisms::own_arms(0.01),
         joints: [free_joint()],
-        drives: [Pair::both(exact(0.01))],
+        drives: [exact(0.01); 2],
     };
-    let refused = SimFinger::new(rod, parameters, Vector1::new(0.3)).unwrap_err();
+    let tendons = own_tendons::<1, 2>(0.01);
+    let refused = SimFinger::new(rod, tendons, parameters, Vector1::new(0.3)).unwrap_err();
     assert!(refused.what.contains("mass matrix"), "{refused}");
 }

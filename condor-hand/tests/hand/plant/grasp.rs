@@ -4,7 +4,7 @@ use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::{Kinematics, PlanarFinger};
 use condor_hand::plant::{FingerParameters, ObjectParameters, SimFinger, SimHand, SimObject};
-use condor_hand::tendon::{Pair, TendonPairs};
+use condor_hand::transmission::Linear;
 use nalgebra::{SVector, Vector3, Vector4};
 
 use super::mechanisms::{exact, free_joint, hand_parameters};
@@ -25,15 +25,17 @@ fn start() -> Vector4<f64> {
     Vector4::new(0.0, 0.6, 0.9, 0.6)
 }
 
-fn plant(geometry: &Geometry, number: usize) -> SimFinger<PlanarFinger, 4> {
+type PlanarPlant = SimFinger<PlanarFinger, Linear<4, 8>, 4, 8>;
+
+fn plant(geometry: &Geometry, number: usize) -> PlanarPlant {
     let mut joint = free_joint();
     (joint.friction.armature, joint.friction.viscous) = (1.6e-5, 2e-3);
     let parameters = FingerParameters {
-        arms: geometry.symmetric_arms(),
         joints: [joint; 4],
-        drives: [Pair::both(exact(0.008)); 4],
+        drives: [exact(0.008); 8],
     };
-    SimFinger::new(geometry.finger(number), parameters, start()).unwrap()
+    let tendons = geometry.symmetric_tendons();
+    SimFinger::new(geometry.finger(number), tendons, parameters, start()).unwrap()
 }
 
 /// The centre of the circle through three points.
@@ -45,23 +47,21 @@ fn circumcentre([a, b, c]: [Vector3<f64>; 3]) -> Vector3<f64> {
 }
 
 /// Tensions about 15 N that give the torques, from the tip to the palm.
-fn tensions(finger: &SimFinger<PlanarFinger, 4>, torque: &Vector4<f64>) -> TendonPairs<f64, 4> {
-    let mut tensions = [Pair::both(15.0); 4];
-    for (joint, row) in finger.parameters().arms.rows().iter().enumerate().rev() {
-        let across = finger.parameters().arms.torque(&tensions)[joint];
-        let half = 0.5 * (torque[joint] - across) / row[joint].flexor;
-        tensions[joint].flexor += half;
-        tensions[joint].extensor -= half;
+fn tensions(finger: &PlanarPlant, torque: &Vector4<f64>) -> [f64; 8] {
+    let linear = finger.linear();
+    let mut tensions = [15.0; 8];
+    for joint in (0..4).rev() {
+        let (flexor, extensor) = (2 * joint, 2 * joint + 1);
+        let across = linear.torque(&tensions)[joint];
+        let half = 0.5 * (torque[joint] - across) / linear.arms()[flexor][joint];
+        tensions[flexor] += half;
+        tensions[extensor] -= half;
     }
     tensions
 }
 
 /// A spring and a damper at the tip, gravity made up for, the posture held along the self-motion.
-fn command(
-    finger: &SimFinger<PlanarFinger, 4>,
-    wanted: &Vector3<f64>,
-    gravity: &Vector3<f64>,
-) -> TendonPairs<f64, 4> {
+fn command(finger: &PlanarPlant, wanted: &Vector3<f64>, gravity: &Vector3<f64>) -> [f64; 8] {
     let (q, qd) = (finger.q(), finger.qd());
     let mechanism = finger.mechanism();
     let (pose, jacobian) = mechanism.kinematics(q);
@@ -91,7 +91,7 @@ fn a_ball_in_three_fingers_feels_their_stiffness_and_stays() {
         .with_object(ball);
     let middle = tips.iter().sum::<Vector3<f64>>() / 3.0;
     let wanted = tips.map(|tip| tip + (middle - tip) * SQUEEZE);
-    let commands: [TendonPairs<f64, 4>; TIPS] =
+    let commands: [[f64; 8]; TIPS] =
         std::array::from_fn(|tip| command(&hand.fingers()[tip], &wanted[tip], &gravity));
     for (finger, commands) in hand.fingers_mut().iter_mut().zip(commands) {
         finger.reset(start(), commands).unwrap();

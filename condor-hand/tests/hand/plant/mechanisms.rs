@@ -8,8 +8,7 @@ use condor_hand::plant::{
     DriveKind, FingerParameters, HandParameters, JointParameters, SimDrive, SimFinger, SimStop,
     SimSurface,
 };
-use condor_hand::tendon::{MomentArms, Pair};
-use condor_hand::transmission::EffortLimits;
+use condor_hand::transmission::{EffortLimits, Linear, Transmission};
 use nalgebra::{Matrix1, Matrix3, SVector, Vector1, Vector3};
 
 /// A point mass on a massless rod that turns about y, straight along x at zero.
@@ -142,44 +141,55 @@ pub(crate) fn free_joint() -> JointParameters {
 
 pub(crate) fn exact(time_constant_s: f64) -> SimDrive {
     SimDrive {
-        max_n: 130.0,
+        low: 0.0,
+        high: 130.0,
         kind: DriveKind::Exact { time_constant_s },
     }
 }
 
-/// Arms of one size at each joint, with no tendon across another joint.
-pub(crate) fn own_arms<const N: usize>(arm: f64) -> MomentArms<N> {
-    let rows = std::array::from_fn(|joint| {
-        std::array::from_fn(|tendon| {
-            let arm = if joint == tendon { arm } else { 0.0 };
-            Pair {
-                flexor: arm,
-                extensor: -arm,
-            }
-        })
+/// Two tendons for each joint, flexor and extensor in turn, that cross no other joint: arms of one size.
+pub(crate) fn own_tendons<const N: usize, const A: usize>(arm: f64) -> Linear<N, A> {
+    let arms = std::array::from_fn(|actuator| {
+        let mut arms = [0.0; N];
+        arms[actuator / 2] = if actuator % 2 == 0 { arm } else { -arm };
+        arms
     });
     let limits = EffortLimits {
         low: 0.0,
         high: 130.0,
         bias: 0.0,
     };
-    MomentArms::new(rows, [Pair::both(limits); N]).unwrap()
+    Linear::new(arms, [limits; A]).unwrap()
 }
 
-pub(crate) fn finger<M, const N: usize>(
+/// A finger at its zero, with tendons that have arms of 10 mm.
+pub(crate) fn finger<M, const N: usize, const A: usize>(
     mechanism: M,
     joint: JointParameters,
     drive: SimDrive,
-) -> SimFinger<M, N>
+) -> SimFinger<M, Linear<N, A>, N, A>
 where
-    M: condor_hand::dynamics::Dynamics<N>,
+    M: Dynamics<N>,
+{
+    moved_by(mechanism, own_tendons(0.01), joint, drive)
+}
+
+/// A finger at its zero, with joints of one kind and drives of one kind.
+pub(crate) fn moved_by<M, T, const N: usize, const A: usize>(
+    mechanism: M,
+    transmission: T,
+    joint: JointParameters,
+    drive: SimDrive,
+) -> SimFinger<M, T, N, A>
+where
+    M: Dynamics<N>,
+    T: Transmission<N, A>,
 {
     let parameters = FingerParameters {
-        arms: own_arms(0.01),
         joints: [joint; N],
-        drives: [Pair::both(drive); N],
+        drives: [drive; A],
     };
-    SimFinger::new(mechanism, parameters, SVector::zeros()).unwrap()
+    SimFinger::new(mechanism, transmission, parameters, SVector::zeros()).unwrap()
 }
 
 pub(crate) fn surface(friction: f64) -> SimSurface {

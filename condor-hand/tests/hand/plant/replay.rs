@@ -6,11 +6,11 @@ use condor_hand::math::max;
 use condor_hand::plant::{
     DriveKind, FingerParameters, JointParameters, SimDrive, SimFinger, SimStop,
 };
-use condor_hand::tendon::{Pair, TendonPairs};
+use condor_hand::transmission::Linear;
 use nalgebra::{SVector, Vector3};
 use serde::Deserialize;
 
-use crate::support::{FINGERS, Geometry, geometry, joints, reference, vector};
+use crate::support::{FINGERS, Geometry, geometry, joints, largest_step, reference, vector};
 
 #[derive(Deserialize)]
 struct Trace {
@@ -47,10 +47,13 @@ fn finger(
     meta: &Meta,
     number: usize,
     kind: DriveKind,
-) -> SimFinger<PlanarFinger, 4> {
-    let max_n = geometry.fmax;
+) -> SimFinger<PlanarFinger, Linear<4, 8>, 4, 8> {
+    let drive = SimDrive {
+        low: 0.0,
+        high: geometry.fmax,
+        kind,
+    };
     let parameters = FingerParameters {
-        arms: geometry.symmetric_arms(),
         joints: std::array::from_fn(|joint| JointParameters {
             friction: JointFriction {
                 armature: meta.armature,
@@ -66,21 +69,19 @@ fn finger(
                 damping: 0.01,
             },
         }),
-        drives: [Pair::both(SimDrive { max_n, kind }); 4],
+        drives: [drive; 8],
     };
     SimFinger::new(
         geometry.finger(number),
+        geometry.symmetric_tendons(),
         parameters,
         joints(&meta.q0, number),
     )
     .unwrap()
 }
 
-fn command(all: &[f64], finger: usize) -> TendonPairs<f64, 4> {
-    std::array::from_fn(|joint| Pair {
-        flexor: all[8 * finger + 2 * joint],
-        extensor: all[8 * finger + 2 * joint + 1],
-    })
+fn command(all: &[f64], finger: usize) -> [f64; 8] {
+    std::array::from_fn(|tendon| all[8 * finger + tendon])
 }
 
 fn clear_of_limits(geometry: &Geometry, q: &SVector<f64, 4>) -> bool {
@@ -125,11 +126,8 @@ fn replay(number: usize, kind: DriveKind, updates: u32) -> Difference {
         difference.q = max(difference.q, (finger.q() - q).amax());
         difference.qd = max(difference.qd, (finger.qd() - qd).amax());
         let expected = command(&state.f, number);
-        for (is, should) in finger.tensions().iter().zip(&expected) {
-            let flexor = (is.flexor - should.flexor).abs();
-            let extensor = (is.extensor - should.extensor).abs();
-            difference.tension = max(difference.tension, max(flexor, extensor));
-        }
+        let tension = largest_step(finger.efforts(), &expected);
+        difference.tension = max(difference.tension, tension);
     }
     difference
 }

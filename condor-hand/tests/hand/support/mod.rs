@@ -6,8 +6,8 @@ use std::path::Path;
 
 use condor_hand::Pose;
 use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion, PlanarFinger, Rod};
-use condor_hand::tendon::{MomentArms, Pair};
-use condor_hand::transmission::EffortLimits;
+use condor_hand::math::max;
+use condor_hand::transmission::{EffortLimits, Linear};
 use nalgebra::{Matrix3, SVector, Vector3};
 use proptest::test_runner::Config as ProptestConfig;
 use serde::Deserialize;
@@ -63,6 +63,12 @@ pub(crate) fn reference<T: DeserializeOwned>(name: &str) -> T {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference");
     let text = std::fs::read_to_string(path.join(name)).unwrap();
     serde_json::from_str(&text).unwrap()
+}
+
+/// The largest difference of two lists of efforts, N or N m.
+pub(crate) fn largest_step<const A: usize>(a: &[f64; A], b: &[f64; A]) -> f64 {
+    let steps = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    steps.fold(0.0, max)
 }
 
 /// The numbers of the hand.
@@ -121,14 +127,14 @@ impl Geometry {
         .unwrap()
     }
 
-    /// Moment arms whose antagonists cross the proximal joints oppositely.
-    pub(crate) fn symmetric_arms(&self) -> MomentArms<4> {
-        arms(&self.symmetric)
+    /// Tendons whose antagonists cross the proximal joints oppositely: flexor and extensor of each joint in turn.
+    pub(crate) fn symmetric_tendons(&self) -> Linear<4, 8> {
+        tendons(&self.symmetric)
     }
 
-    /// Moment arms with which co-contraction loads the proximal joints.
-    pub(crate) fn asymmetric_arms(&self) -> MomentArms<4> {
-        arms(&self.asymmetric)
+    /// Tendons with which co-contraction loads the proximal joints.
+    pub(crate) fn asymmetric_tendons(&self) -> Linear<4, 8> {
+        tendons(&self.asymmetric)
     }
 
     fn base(&self, finger: usize) -> Pose {
@@ -140,17 +146,13 @@ impl Geometry {
     }
 }
 
-fn arms(rows: &[[f64; 8]; 4]) -> MomentArms<4> {
-    let rows = rows.map(|row| {
-        std::array::from_fn(|joint| Pair {
-            flexor: row[2 * joint],
-            extensor: row[2 * joint + 1],
-        })
-    });
+/// The file has a row for each joint, and a transmission a row for each actuator.
+fn tendons(rows: &[[f64; 8]; 4]) -> Linear<4, 8> {
+    let arms = std::array::from_fn(|actuator| rows.map(|row| row[actuator]));
     let limits = EffortLimits {
         low: 4.0,
         high: 130.0,
         bias: 7.0,
     };
-    MomentArms::new(rows, [Pair::both(limits); 4]).unwrap()
+    Linear::new(arms, [limits; 8]).unwrap()
 }

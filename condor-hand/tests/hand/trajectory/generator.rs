@@ -388,23 +388,23 @@ fn guards_start_and_stop() {
 #[test]
 fn sensors_without_a_number_stop_and_do_not_start() {
     let mut seen = Observations::none();
-    seen.tensions[0] = f64::NAN;
+    seen.efforts[0] = f64::NAN;
     let mut hand = hand();
     let mut motion = reach(&[0], 1.0);
-    motion.start.tension = Some(10.0);
+    motion.start.effort = Some(10.0);
     let waiting = hand.enqueue(motion.clone()).unwrap();
     hand.tick(&seen);
     let queued = MotionProgress::Queued { before: 0 };
     assert_eq!(hand.progress(waiting), Some(queued));
     hand.abort();
     motion.start = Guards::none();
-    motion.stop.tension = Some(10.0);
+    motion.stop.effort = Some(10.0);
     hand.enqueue(motion).unwrap();
     for _ in 0..10 {
         hand.tick(&seen);
     }
     assert!(hand.is_idle());
-    let stop = Happening::Ended(MotionEnd::Stopped(MotionGuard::Tension { joint: 0 }));
+    let stop = Happening::Ended(MotionEnd::Stopped(MotionGuard::Effort { joint: 0 }));
     assert_eq!(events(&mut hand).last().unwrap().happening, stop);
 }
 

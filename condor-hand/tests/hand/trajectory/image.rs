@@ -13,9 +13,9 @@ type Motion = Primitive<J>;
 
 fn guards() -> impl Strategy<Value = Guards> {
     let limit = || prop::option::of(-3.0..3.0);
-    (limit(), limit(), limit(), any::<bool>()).prop_map(|(torque, tension, time, contact)| Guards {
+    (limit(), limit(), limit(), any::<bool>()).prop_map(|(torque, effort, time, contact)| Guards {
         torque,
-        tension,
+        effort,
         time,
         contact,
     })

@@ -173,7 +173,7 @@ fn the_servos_get_the_guards_of_what_moves_their_joints() {
     let guard = StopGuard {
         motion: first.number(),
         torque: 0.5,
-        tension: f64::INFINITY,
+        effort: f64::INFINITY,
         contact: true,
     };
     let guards = hand.guards();
@@ -182,7 +182,7 @@ fn the_servos_get_the_guards_of_what_moves_their_joints() {
     // It does not look at what it is given itself.
     let seen = Observations {
         torques: [f64::NAN; J],
-        tensions: [f64::NAN; J],
+        efforts: [f64::NAN; J],
         contacts: u32::MAX,
     };
     for _ in 0..60 {

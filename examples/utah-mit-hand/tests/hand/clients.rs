@@ -293,7 +293,7 @@ fn a_motion_whose_finger_is_lost_is_never_done() {
         assert_eq!(end(typist, request), ended, "{}", typist.shown);
         typist.wait(1.5);
         let request = begin(typist);
-        typist.says("fault thumb.middle flexor");
+        typist.says("fault thumb.middle-flexor drive");
         let failed = (RequestState::Aborted, RefusalReason::Failure);
         assert_eq!(end(typist, request), failed, "{}", typist.shown);
         assert!(!typist.shown.contains("wave is done"), "{}", typist.shown);

@@ -84,7 +84,7 @@ fn prepare(typist: &mut Typist<'_>, state: &str) -> bool {
             typist.does("enable");
             typist.wait(1.0);
             typist.runs("open");
-            typist.types("fault index.proximal flexor");
+            typist.types("fault index.proximal-flexor drive");
             typist.expect("index has a fault: ", 5.0);
             typist.wait(4.0);
         }

@@ -11,7 +11,6 @@
 use std::fmt::Write;
 use std::time::Duration;
 
-use condor_hand::config::Hand;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Allocator, MemoryWindow, Processor};
 use condor_robot::{FINGERS, JOINTS, servo};
@@ -313,9 +312,9 @@ fn a_torque_stops_a_motion() {
 }
 
 #[test]
-fn a_tension_stops_a_motion() {
-    let line = closes("stop = { tension = 9.8 }");
-    let (value, at) = measured(&line, "a tension of ", " N at ");
+fn an_effort_stops_a_motion() {
+    let line = closes("stop = { effort = 9.8 }");
+    let (value, at) = measured(&line, "an effort of ", " at ");
     assert!((9.8..11.0).contains(&value), "{line}");
     assert!(at.contains('.'), "{line}");
 }
@@ -343,7 +342,7 @@ fn a_contact_begins_a_motion() {
 
 #[test]
 fn a_guard_of_contact_needs_a_sensor() {
-    let mut hand: Hand<4, 4> = hand();
+    let mut hand = hand();
     hand.fingers[2].touch = None;
     run_with(&hand, |typist| {
         typist.begin();

@@ -4,16 +4,15 @@
 use std::sync::LazyLock;
 
 use condor_hand::controller::FingerController;
+use condor_hand::fault::{FaultCode, FaultSite, FingerFault};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{max, min};
 use condor_hand::plant::{self, PlantModel};
 use condor_hand::servo::{FingerReadings, ServoMode};
-use condor_hand::tendon::Pair;
-use condor_hand::tendon::fault::{FaultCode, FaultSite, FingerFault};
 use condor_hand::trajectory::{Generator, Observations, SetPoint, StopGuard, motion};
 use condor_robot::compile::joint_names;
 use condor_robot::plant as plant_of_the_hand;
-use condor_robot::{FINGERS, JOINTS, RobotDescription};
+use condor_robot::{ACTUATORS, Actuators, FINGERS, JOINTS, RobotDescription};
 use nalgebra::{SVector, Vector3};
 
 const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
@@ -47,9 +46,9 @@ type Spoil = fn(reading: f64, before: f64) -> f64;
 /// A finger, its controller, and what happened to it.
 #[derive(Clone)]
 struct Finger<'h> {
-    entry: &'h condor_hand::config::Finger<JOINTS>,
-    plant: plant::SimHand<PlanarFinger, 1, JOINTS>,
-    controller: FingerController<PlanarFinger, JOINTS>,
+    entry: &'h condor_hand::config::Finger<JOINTS, ACTUATORS>,
+    plant: plant::SimHand<PlanarFinger, Actuators, 1, JOINTS, ACTUATORS>,
+    controller: FingerController<PlanarFinger, Actuators, JOINTS, ACTUATORS>,
     said: SVector<f64, JOINTS>,
     gravity: Vector3<f64>,
     fault: Option<FingerFault>,
@@ -59,11 +58,12 @@ impl<'h> Finger<'h> {
     fn new(hand: &'h RobotDescription, number: usize, q: SVector<f64, JOINTS>) -> Self {
         let entry = &hand.fingers[number];
         let mechanism = entry.planar().unwrap();
-        let plant = MACHINE.finger(entry, mechanism, q).unwrap();
+        let actuators = entry.transmission().unwrap();
+        let plant = MACHINE.finger(entry, mechanism, actuators, q).unwrap();
         let mut finger = Self {
             entry,
             plant: plant::SimHand::new([plant], MACHINE.hand_parameters(hand)).unwrap(),
-            controller: FingerController::new(hand, entry, mechanism).unwrap(),
+            controller: FingerController::new(hand, entry, mechanism, actuators).unwrap(),
             said: q,
             gravity: Vector3::from(hand.gravity),
             fault: None,
@@ -88,18 +88,17 @@ impl<'h> Finger<'h> {
         let counted =
             |input: &condor_hand::config::InputChannel, value| input.value(input.counts(value));
         let is = self.position();
-        let tensions = *self.plant.fingers()[0].tensions();
+        let efforts = *self.plant.fingers()[0].efforts();
         let mut sensed = FingerReadings {
             position: SVector::zeros(),
-            tension: [Pair::both(0.0); JOINTS],
+            effort: [0.0; ACTUATORS],
             touch: 0.0,
         };
         for (joint, entry) in self.entry.joints.iter().enumerate() {
             sensed.position[joint] = counted(&entry.adc, is[joint]);
-            sensed.tension[joint] = Pair {
-                flexor: counted(&entry.flexor.adc, tensions[joint].flexor),
-                extensor: counted(&entry.extensor.adc, tensions[joint].extensor),
-            };
+        }
+        for (actuator, entry) in self.entry.actuators.iter().enumerate() {
+            sensed.effort[actuator] = counted(entry.adc.as_ref().unwrap(), efforts[actuator]);
         }
         if let Some((joint, spoil)) = spoilt {
             sensed.position[joint] = spoil(sensed.position[joint], self.said[joint]);

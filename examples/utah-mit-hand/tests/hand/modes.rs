@@ -88,14 +88,15 @@ fn torque_mode_holds_a_weight() {
 }
 
 #[test]
-fn tensions_that_are_typed_are_there_and_a_spring_gives_as_its_stiffness_says() {
+fn efforts_that_are_typed_are_there_and_a_spring_gives_as_its_stiffness_says() {
     run(|typist| {
         opened(typist);
-        typist.does("tension index.distal 9 8.5");
+        typist.does("effort index.distal-flexor 9");
+        typist.does("effort index.distal-extensor 8.5");
         typist.wait(0.5);
         for _ in 0..20 {
             typist.wait(0.05);
-            let [flexor, extensor] = typist.truth().tension[0][3];
+            let [.., flexor, extensor] = typist.truth().effort[0];
             assert!((flexor - 9.0).abs() < 0.1, "{flexor} N");
             assert!((extensor - 8.5).abs() < 0.1, "{extensor} N");
         }
@@ -139,7 +140,7 @@ fn modes_keep_what_a_joint_has() {
         for (mode, shown) in [
             ("torque", "by torque"),
             ("impedance", "impedance"),
-            ("tension", "by tension"),
+            ("effort", "by effort"),
             ("position", "follows"),
             ("impedance", "impedance"),
         ] {

@@ -302,7 +302,7 @@ fn a_processor_that_restarts_and_a_finger_that_fails_are_said_and_taken_up_again
         assert!(peak < 2.5, "{peak} deg");
 
         typist.shown.clear();
-        typist.types("fault index.proximal flexor");
+        typist.types("fault index.proximal-flexor drive");
         typist.expect("index has a fault: ", 5.0);
         assert!(typist.says("status").contains("index  fault"));
         typist.does("clear");
@@ -365,7 +365,10 @@ fn names_are_completed_and_former_lines_come_back() {
                 "gains ring.middle servo.zeta 1 servo.law de\t",
                 "gains ring.middle servo.zeta 1 servo.law decoupled ",
             ),
-            ("fault ring.middle ex\t", "fault ring.middle extensor "),
+            (
+                "fault ring.middle-ex\tdr\t",
+                "fault ring.middle-extensor drive ",
+            ),
             ("help gai\t", "help gains "),
             ("table ho\t", "table home "),
             ("dance\t", "dance"),
@@ -444,18 +447,17 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
         let middle = typist.truth().position[3][2];
         assert!((middle - 1.0).abs() < 0.01, "{middle}");
         let gains = typist.says("gains thumb.middle");
-        for gain in [
-            "servo.law decoupled  servo.kp 1",
-            "servo.bandwidth_hz 10",
-            "flexor.gains.kt 1",
-        ] {
+        for gain in ["servo.law decoupled  servo.kp 1", "servo.bandwidth_hz 10"] {
             assert!(gains.contains(gain), "{gains}");
         }
         assert!(gains.lines().all(|line| line.len() < 80), "{gains}");
-        typist.does("gains thumb.middle servo.bandwidth_hz 12.5 flexor.gains.kt 0.5");
+        typist.does("gains thumb.middle servo.bandwidth_hz 12.5 servo.k_tau 0.5");
         let gains = typist.says("gains thumb.middle");
         assert!(gains.contains("servo.bandwidth_hz 12.5"), "{gains}");
-        assert!(gains.contains("flexor.gains.kt 0.5"), "{gains}");
+        assert!(gains.contains("servo.k_tau 0.5"), "{gains}");
+        typist.does("gains thumb.middle-flexor gains.kp 0.5");
+        let gains = typist.says("gains thumb.middle-flexor");
+        assert!(gains.contains("gains.kp 0.5"), "{gains}");
         // A stop on the way, and on.
         typist.types("to thumb.middle 0.3 1.0");
         typist.wait(0.3);

@@ -8,12 +8,11 @@ use condor_dev::Bus;
 use condor_fs::server::{FileServer, ServerOptions};
 use condor_hand::grasp::distributed::{GraspOrder, GraspState};
 use condor_hand::servo::{JointTarget, ServoMode};
-use condor_hand::tendon::Pair;
 use condor_hand::trajectory::StopGuard;
 use condor_mbox::{MemoryWindow, Processor, Region, StoreOrder};
 use condor_mcap::MessageHead;
 use condor_robot::objects;
-use condor_robot::plant::{PlantRequest, PlantTarget};
+use condor_robot::plant::PlantRequest;
 use condor_robot::recording::{OUTPUTS, ServoOutputs};
 use condor_robot::replay::Replay;
 use condor_robot::table::TableRequest;
@@ -34,7 +33,7 @@ const CHANNELS: usize = 0x20;
 
 /// The recording that every target is given, and the hash of what comes of it.
 const SHIPPED: &[u8] = include_bytes!("../data/servo.mcap");
-const HASH: u64 = 0x4a44_97af_8592_fee7;
+const HASH: u64 = 0xdbdb_41bd_63fe_b575;
 
 /// What a digital-to-analog converter was given: tick, and its counts.
 type Seen = (usize, [u16; OUTPUTS]);
@@ -50,8 +49,8 @@ fn registers(master: &Master<'_>) -> Seen {
         .fingers
         .iter()
         .filter(|finger| finger.processor() == Some(FIRST.0));
-    let actuators = fingers.flat_map(|finger| &finger.joints);
-    let outputs = actuators.flat_map(|joint| [&joint.flexor.dac, &joint.extensor.dac]);
+    let actuators = fingers.flat_map(|finger| &finger.actuators);
+    let outputs = actuators.map(|actuator| &actuator.dac);
     for (place, output) in counts.iter_mut().zip(outputs) {
         let at = socket(output.channel()).unwrap();
         let Board::Dac(board) = at.board else {
@@ -92,13 +91,8 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     master.guards[1] = [StopGuard::NONE; 4];
     // Other modes, targets and gains.
     master.client(FIRST, |client| {
-        let pair = Pair {
-            flexor: 12.0,
-            extensor: 9.0,
-        };
-        client
-            .set_target(0, 0, &JointTarget::Tension(pair), SOON)
-            .unwrap();
+        client.set_effort(0, 0, (0, 12.0), SOON).unwrap();
+        client.set_effort(0, 0, (1, 9.0), SOON).unwrap();
         client
             .set_target(1, 3, &JointTarget::Torque(0.05), SOON)
             .unwrap();
@@ -110,6 +104,10 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
         ("servo.velocity_cutoff_hz", 120.0),
     ] {
         let name = format!("middle.middle.{name}");
+        master.set(FIRST, &name, AnyValue::F64(value));
+    }
+    for (name, value) in [("gains.kp", 0.8), ("faults.above", 170.0)] {
+        let name = format!("middle.middle-flexor.{name}");
         master.set(FIRST, &name, AnyValue::F64(value));
     }
     master.set(FIRST, "faults.tracking_rad", AnyValue::F64(0.5));
@@ -142,10 +140,9 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     master.hold(0.06);
     assert_eq!(master.report(FIRST).state, GraspState::Idle);
     // A finger fails, and is whole again.
-    let broken = PlantRequest::CutTendon {
+    let broken = PlantRequest::CutDrive {
         finger: 1,
-        joint: 1,
-        which: PlantTarget::Flexor,
+        actuator: 2,
     };
     assert_eq!(master.ask_plant(&broken), Ok(()));
     master.hold(0.16);
@@ -293,7 +290,7 @@ fn the_smallest_change_is_found() {
     // Where the bit of lowest value is changed: of an input, of an acceleration of the palm, of a
     // tip that is ordered, of a joint of another processor, of a set-point, of what was put out.
     let tick = all(SHIPPED, 1).nth(300).unwrap();
-    let points = all(SHIPPED, 5).filter(|at| SHIPPED[at + 12] == 4).nth(40);
+    let points = all(SHIPPED, 5).filter(|at| SHIPPED[at + 12] == 6).nth(40);
     let [palm, order, others, done] = [2, 3, 4, 6].map(|kind| first(SHIPPED, kind));
     // Each is looked at, not only kept.
     for (at, found) in [
@@ -347,11 +344,11 @@ fn what_is_no_recording_is_refused() {
         ),
         (
             changed(version, b'9'),
-            "it is not a recording of this version: its version is 9, not 5",
+            "it is not a recording of this version: its version is 9, not 6",
         ),
         (
             changed(version - 8, b'V'),
-            "it is not a recording of this version: its version is missing, not 5",
+            "it is not a recording of this version: its version is missing, not 6",
         ),
         (changed(rate, b'9'), "servo.mcap: it was recorded at"),
         (SHIPPED[..end - HEAD].to_vec(), "it ends after 900 ticks"),

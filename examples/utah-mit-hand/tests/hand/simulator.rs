@@ -193,7 +193,7 @@ fn the_command_says_whether_a_motion_can_be_and_writes_its_ticks() {
     );
     assert!(
         said.ends_with(
-            "\nChecked 26 ticks of 0.02 s: all steps can be made, the tendons give every torque, and no \
+            "\nChecked 26 ticks of 0.02 s: all steps can be made, the actuators give every torque, and no \
              parts meet.\n"
         ),
         "{said}"

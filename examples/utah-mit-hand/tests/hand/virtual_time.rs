@@ -102,16 +102,16 @@ fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
         }
         let before = master.truth().unwrap();
         assert_eq!(before.resting & 0b1111, 0);
-        assert!(before.tension[2][1][0] > 5.0, "{:?}", before.tension[2]);
+        assert!(before.effort[2][2] > 5.0, "{:?}", before.effort[2]);
         master.stay(0.16);
         let resting = master.truth().unwrap();
         assert_eq!(resting.resting & 0b1111, 0b1100);
         // On the way, not there at once.
-        assert!(resting.tension[2].as_flattened().iter().any(|&n| n > 4.2));
+        assert!(resting.effort[2].iter().any(|&n| n > 4.2));
         master.stay(0.5);
         let rested = master.truth().unwrap();
-        for tension in rested.tension[2..].as_flattened().as_flattened() {
-            assert!((tension - 4.0).abs() < 0.05, "{tension} N");
+        for effort in rested.effort[2..].as_flattened() {
+            assert!((effort - 4.0).abs() < 0.05, "{effort} N");
         }
         // The fingers of the other processor stay where they are to be.
         for (is, wanted) in rested.position[..2]
@@ -123,7 +123,7 @@ fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
         }
     });
     assert!(
-        seen.said[3].contains("D/A board 3 takes its outputs to the least tensions"),
+        seen.said[3].contains("D/A board 3 takes its outputs to those of rest"),
         "{:?}",
         seen.said
     );

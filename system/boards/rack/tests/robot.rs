@@ -41,8 +41,8 @@ fn two_processors_that_write_one_board_are_named() {
     let mut hand = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
     assert_eq!(Rack::check(&hand), Ok(()));
     // The first tendon of the third finger, on the board of the second.
-    hand.fingers[2].joints[0].flexor.dac.board = 0;
-    hand.fingers[2].joints[0].flexor.dac.channel = 31;
+    hand.fingers[2].actuators[0].dac.board = 0;
+    hand.fingers[2].actuators[0].dac.channel = 31;
     let refused = Rack::check(&hand).unwrap_err();
     assert!(matches!(refused, BoardError::Shared { board: 0 | 1, .. }));
     let text = refused.to_string();
@@ -53,7 +53,7 @@ fn two_processors_that_write_one_board_are_named() {
         Err(BoardError::NoChannel { .. })
     ));
     hand.fingers[0].joints[0].adc.channel = 0;
-    hand.fingers[0].joints[0].flexor.dac.bits = 16;
+    hand.fingers[0].actuators[0].dac.bits = 16;
     assert!(matches!(
         Rack::check(&hand),
         Err(BoardError::Bits { bits: 16, .. })

@@ -40,7 +40,7 @@ pub(crate) struct Sim {
         requires = "check"
     )]
     from: Vec<(String, f64)>,
-    /// Writes set-points, torques and tensions of each tick as a table into this file
+    /// Writes set-points, torques and efforts of each tick as a table into this file
     #[arg(long, value_name = "FILE", requires = "check")]
     csv: Option<PathBuf>,
     /// Prints the whole plan as JSON
@@ -136,14 +136,14 @@ fn said(plan: &Plan) -> String {
         ("of limit", Right),
         ("torque", Right),
         ("of limit", Right),
-        ("tension", Right),
+        ("effort", Right),
         ("of limit", Right),
     ]);
     for joint in &plan.joints {
         let positions = joint.position.iter().copied();
         let peaks = joint.peaks();
-        let tendons = joint.tendons.iter();
-        let tension = tendons.map(|it| largest(&it.tension)).reduce(f64::max);
+        let actuators = joint.actuators.iter();
+        let effort = actuators.map(|it| largest(&it.effort)).reduce(f64::max);
         joints.row([
             joint.name.clone(),
             format!("{:.3}", positions.clone().fold(f64::INFINITY, f64::min)),
@@ -152,8 +152,8 @@ fn said(plan: &Plan) -> String {
             percent(peaks.velocity),
             format!("{:.3}", largest(&joint.torque)),
             percent(peaks.torque),
-            or_dash(tension.map(|tension| format!("{tension:.1}"))),
-            or_dash(peaks.tension.map(percent)),
+            or_dash(effort.map(|effort| format!("{effort:.1}"))),
+            or_dash(peaks.effort.map(percent)),
         ]);
     }
     let mut steps = TextTable::new([("s", Right), ("step", Right), ("", Left)]);
@@ -167,7 +167,7 @@ fn said(plan: &Plan) -> String {
     let mut warnings = Vec::new();
     for overload in &plan.overloads {
         warnings.push(format!(
-            "{:.2} to {:.2} s: the tendons of {} cannot give {:.3} N m, but {:.3} N m\n",
+            "{:.2} to {:.2} s: the actuators of {} cannot give {:.3} N m, but {:.3} N m\n",
             overload.from_s,
             overload.to_s,
             plain(&overload.joint),
@@ -188,7 +188,7 @@ fn said(plan: &Plan) -> String {
     }
     if is_possible(plan) {
         warnings.push(format!(
-            "Checked {} ticks of {} s: all steps can be made, the tendons give every torque, and no parts meet.\n",
+            "Checked {} ticks of {} s: all steps can be made, the actuators give every torque, and no parts meet.\n",
             plan.joints.first().map_or(0, |joint| joint.position.len()),
             plan.period_s,
         ));
@@ -226,8 +226,8 @@ fn table(plan: &Plan, out: &mut dyn Write) -> Result<(), AnyError> {
         ] {
             columns.push((format!("{}.{what}", joint.name), values));
         }
-        for tendon in &joint.tendons {
-            columns.push((format!("{}.tension", tendon.name), &tendon.tension));
+        for actuator in &joint.actuators {
+            columns.push((format!("{}.effort", actuator.name), &actuator.effort));
         }
     }
     write!(out, "time")?;

@@ -50,7 +50,7 @@ const GROUPS: [(&str, &[Examples]); 7] = [
             (
                 "plot",
                 &[
-                    "plot 'index.*.position' --pane 'index.proximal.*.tension' --robot",
+                    "plot 'index.*.position' --pane 'index.proximal-*.effort' --robot",
                     "plot run.mcap 'index.*.position'",
                 ],
             ),

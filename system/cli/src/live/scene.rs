@@ -22,13 +22,13 @@ pub(super) struct Scene<'r> {
     drawn: Option<Instant>,
 }
 
-/// Returns the variables that move and colour a robot: of its joints, of its tendons, and of what it handles.
+/// Returns the variables that move and colour a robot: of its joints, of its actuators, and of what it handles.
 pub(super) fn variables(robot: &dyn Robot) -> Vec<String> {
     let joints = robot.joints().iter().map(|joint| joint.position.clone());
     let lines = robot.lines(&[]).into_iter();
-    let tensions = lines.filter_map(|line| line.tension);
+    let efforts = lines.filter_map(|line| line.effort);
     let observed = robot.observed().iter().cloned();
-    joints.chain(tensions).chain(observed).collect()
+    joints.chain(efforts).chain(observed).collect()
 }
 
 impl<'r> Scene<'r> {
@@ -86,14 +86,14 @@ pub(super) fn picture(robot: &dyn Robot, values: &[f64]) -> Json {
     let (positions, rest) = values.split_at(joints.min(values.len()));
     let mut rest = rest.iter().copied();
     let lines = robot.lines(positions).into_iter().map(|line| {
-        let tension = line.tension.as_ref().and_then(|_| rest.next());
+        let effort = line.effort.as_ref().and_then(|_| rest.next());
         let points: Vec<_> = line.points.iter().copied().map(near).collect();
         json!({
             "name": line.name,
             "points": points,
             "radius": line.radius_m,
-            "isTendon": line.tension.is_some(),
-            "tension": tension,
+            "isTendon": line.effort.is_some(),
+            "effort": effort,
         })
     });
     let lines: Vec<_> = lines.collect();

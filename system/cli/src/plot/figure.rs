@@ -16,9 +16,9 @@ use condor_host::robot::{Robot, RobotLine};
 
 /// The angle by which a key turns the robot, rad.
 const TURN: f64 = core::f64::consts::PI / 24.0;
-/// The least difference of tensions between the weakest and the strongest colour, N.
+/// The least difference of efforts between the weakest and the strongest colour, N.
 const LEAST_N: f64 = 1.0;
-/// Colours of tensions, from the least to the greatest.
+/// Colours of efforts, from the least to the greatest.
 const COLORS: [Color; 5] = [
     Color::Blue,
     Color::Cyan,
@@ -30,13 +30,13 @@ const COLORS: [Color; 5] = [
 /// A robot, the curves that move it, and the direction from which it is seen.
 pub(crate) struct Figure {
     robot: Box<dyn Robot>,
-    /// The tendons, with the variables that are their tensions.
+    /// The variables that are the efforts of tendons, by which these are coloured.
     tendons: Vec<String>,
     /// The curve of the position of each joint.
     positions: Vec<Option<usize>>,
-    /// The curve of each tension.
-    tensions: Vec<Option<usize>>,
-    /// The least and the greatest tension that were seen, N.
+    /// The curve of each effort.
+    efforts: Vec<Option<usize>>,
+    /// The least and the greatest effort that were seen, N.
     range: Option<[f64; 2]>,
     /// The points of the robot at zero and at its limits, m.
     extent: Vec<[f64; 3]>,
@@ -60,10 +60,10 @@ impl Figure {
         let lines = postures.into_iter().flat_map(|it| robot.lines(it));
         let extent = lines.flat_map(|line| line.points).collect();
         let lines = robot.lines(&[]).into_iter();
-        let tendons: Vec<String> = lines.filter_map(|line| line.tension).collect();
+        let tendons: Vec<String> = lines.filter_map(|line| line.effort).collect();
         Self {
             positions: vec![None; robot.joints().len()],
-            tensions: vec![None; tendons.len()],
+            efforts: vec![None; tendons.len()],
             tendons,
             robot,
             range: None,
@@ -84,11 +84,11 @@ impl Figure {
         let place = |name: &str| curves.iter().position(|it| it.variable.is_called(name));
         let joints = self.robot.joints().iter();
         self.positions = joints.map(|joint| place(&joint.position)).collect();
-        self.tensions = self.tendons.iter().map(|name| place(name)).collect();
+        self.efforts = self.tendons.iter().map(|name| place(name)).collect();
     }
 
     pub(crate) fn take(&mut self, sample: &Sample) {
-        if sample.value.is_finite() && self.tensions.contains(&Some(sample.curve)) {
+        if sample.value.is_finite() && self.efforts.contains(&Some(sample.curve)) {
             let [least, greatest] = self.range.unwrap_or([sample.value; 2]);
             self.range = Some([least.min(sample.value), greatest.max(sample.value)]);
         }
@@ -138,11 +138,11 @@ impl Figure {
             .map(|it| of(it).unwrap_or(0.0))
             .collect();
         let lines = self.robot.lines(&positions);
-        let (mut tensions, [least, greatest]) = (self.tensions.iter(), self.shown_range());
+        let (mut efforts, [least, greatest]) = (self.efforts.iter(), self.shown_range());
         let strokes = lines.iter().map(|line| {
-            let is_tendon = line.tension.is_some();
-            let newton = is_tendon.then(|| tensions.next()).flatten().and_then(of);
-            let part = newton.map(|newton| ((newton - least) / (greatest - least)).clamp(0.0, 1.0));
+            let is_tendon = line.effort.is_some();
+            let effort = is_tendon.then(|| efforts.next()).flatten().and_then(of);
+            let part = effort.map(|effort| ((effort - least) / (greatest - least)).clamp(0.0, 1.0));
             let points = line.points.iter().map(|point| self.seen(*point)).collect();
             DrawnLine { line, points, part }
         });
@@ -155,7 +155,7 @@ impl Figure {
             .paint(|context| {
                 // Tendons are in front of bones, and strong ones in front of weak ones.
                 for is_tendon in [false, true] {
-                    let of_kind = |it: &&DrawnLine<'_>| it.line.tension.is_some() == is_tendon;
+                    let of_kind = |it: &&DrawnLine<'_>| it.line.effort.is_some() == is_tendon;
                     let mut of_kind: Vec<_> = strokes.iter().filter(of_kind).collect();
                     of_kind.sort_by(|a, b| a.part.unwrap_or(0.0).total_cmp(&b.part.unwrap_or(0.0)));
                     for drawn in of_kind {
@@ -172,7 +172,7 @@ impl Figure {
         text.render(legend, buffer);
     }
 
-    /// Returns the tensions of the weakest and of the strongest colour, N.
+    /// Returns the efforts of the weakest and of the strongest colour, N.
     fn shown_range(&self) -> [f64; 2] {
         let [least, greatest] = self.range.unwrap_or_default();
         [least, greatest.max(least + LEAST_N)]
@@ -199,13 +199,13 @@ impl Figure {
 struct DrawnLine<'l> {
     line: &'l RobotLine,
     points: Vec<(f64, f64)>,
-    /// The place of the tension of a tendon in the range of all.
+    /// The place of the effort of a tendon in the range of all.
     part: Option<f64>,
 }
 
 impl DrawnLine<'_> {
     fn color(&self) -> Color {
-        match (self.part, &self.line.tension) {
+        match (self.part, &self.line.effort) {
             (None, None) => Color::Reset,
             (None, Some(_)) => Color::DarkGray,
             (Some(part), _) => {
@@ -215,7 +215,7 @@ impl DrawnLine<'_> {
         }
     }
 
-    /// Writes the name of a part at its end, and without colours the digit of a tension.
+    /// Writes the name of a part at its end, and without colours the digit of an effort.
     fn write(&self, bounds: [[f64; 2]; 2], has_colors: bool, area: Rect, buffer: &mut Buffer) {
         let [[left, right], [below, above]] = bounds;
         let at = |(x, y): (f64, f64)| {
@@ -228,7 +228,7 @@ impl DrawnLine<'_> {
         let Some(end) = self.points.last().copied() else {
             return;
         };
-        if self.line.tension.is_none() {
+        if self.line.effort.is_none() {
             if let Some((x, y)) = at(end) {
                 let name = plain(&self.line.name);
                 let room = usize::from(area.right().saturating_sub(x + 1));

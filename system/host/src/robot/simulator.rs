@@ -39,7 +39,7 @@ pub trait Simulator: Send + Sync {
     fn clearances(&self, positions: &[f64]) -> Vec<Clearance>;
 
     /// Returns the motion that the robot makes of the text of a motion file, from rest at `from`. Sensors
-    /// read nothing: no condition of a torque, a tension or a contact holds. `file` is the name of the text
+    /// read nothing: no condition of a torque, an effort or a contact holds. `file` is the name of the text
     /// in errors.
     ///
     /// # Errors
@@ -104,7 +104,7 @@ pub struct Clearance {
     pub distance_m: f64,
 }
 
-/// A motion, computed before a robot makes it. [`Simulator::plan`] returns it. The lists of joints and tendons have an
+/// A motion, computed before a robot makes it. [`Simulator::plan`] returns it. The lists of joints and actuators have an
 /// element for each tick of the processor that makes the set-points: element `i` is `i` periods after the start, and
 /// element 0 is the start.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -115,7 +115,7 @@ pub struct Plan {
     pub joints: Vec<JointPlan>,
     /// The events of the steps of the motion, such as begin and end.
     pub events: Vec<PlanEvent>,
-    /// The times in which tendons cannot produce the torque that the motion takes.
+    /// The times in which actuators cannot produce the torque that the motion takes.
     pub overloads: Vec<Overload>,
     /// The times in which parts of the robot meet.
     pub collisions: Vec<Collision>,
@@ -141,10 +141,10 @@ pub struct JointPlan {
     pub velocity_limit: f64,
     /// The greatest acceleration, rad/s².
     pub acceleration_limit: f64,
-    /// The least and the greatest torque that the tendons can give the joint, N m, whatever the other joints get.
+    /// The least and the greatest torque that the actuators can give the joint, N m, whatever the other joints get.
     pub torque_limits: [f64; 2],
-    /// The tendons of the joint.
-    pub tendons: Vec<TendonPlan>,
+    /// The actuators that belong to the joint: it is the last one that they move.
+    pub actuators: Vec<ActuatorPlan>,
 }
 
 /// The greatest fraction of each limit of a joint that a motion uses: 1 is the whole limit. [`JointPlan::peaks`]
@@ -155,25 +155,33 @@ pub struct MotionPeaks {
     pub velocity: f64,
     /// The fraction of the least or the greatest torque, whichever has the sign of the torque.
     pub torque: f64,
-    /// The fraction of the greatest tension of its tendons; `None` without tendons.
-    pub tension: Option<f64>,
+    /// The fraction of the least or the greatest effort of its actuators, whichever has the sign of the effort; `None`
+    /// without actuators.
+    pub effort: Option<f64>,
 }
 
 impl JointPlan {
     /// Returns, for each limit of the joint, the greatest fraction of it that the motion uses in any tick.
     #[must_use]
     pub fn peaks(&self) -> MotionPeaks {
-        let [least, most] = self.torque_limits;
-        let torques = self.torque.iter();
-        let torques = torques.map(|it| if *it < 0.0 { it / least } else { it / most });
-        let tendons = self.tendons.iter();
-        let tensions = tendons.map(|tendon| largest(&tendon.tension) / tendon.limits[1]);
+        let actuators = self.actuators.iter();
+        let efforts = actuators.map(|it| peak(&it.effort, it.limits));
         MotionPeaks {
             velocity: largest(&self.velocity) / self.velocity_limit,
-            torque: torques.fold(0.0, f64::max),
-            tension: tensions.reduce(f64::max),
+            torque: peak(&self.torque, self.torque_limits),
+            effort: efforts.reduce(f64::max),
         }
     }
+}
+
+/// Returns the greatest fraction of a limit that values use, where each has the limit of its sign.
+fn peak(values: &[f64], [least, most]: [f64; 2]) -> f64 {
+    let parts = values.iter().map(|value| {
+        let limit: f64 = if *value < 0.0 { least } else { most };
+        value.abs() / limit.abs()
+    });
+    // `max` leaves out a NaN, which is 0 of 0.
+    parts.fold(0.0, f64::max)
 }
 
 /// Returns the largest absolute value in `values`; 0 if there are none.
@@ -182,14 +190,14 @@ pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most, value| value.abs().max(most))
 }
 
-/// The part of a [`Plan`] for one tendon: its tension in each tick, and its limits.
+/// The part of a [`Plan`] for one actuator: its effort in each tick, and its limits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TendonPlan {
-    /// The name of the tendon.
+pub struct ActuatorPlan {
+    /// The name of the actuator.
     pub name: String,
-    /// The tensions, N.
-    pub tension: Vec<f64>,
-    /// The least and the greatest tension, N.
+    /// The efforts, N or N m: the tensions of an actuator that pulls a tendon.
+    pub effort: Vec<f64>,
+    /// The least and the greatest effort, N or N m.
     pub limits: [f64; 2],
 }
 
@@ -232,7 +240,7 @@ pub enum What {
     Holds,
 }
 
-/// A span of ticks in a [`Plan`] in which the tendons of a joint cannot produce the torque that the motion needs.
+/// A span of ticks in a [`Plan`] in which the actuators of a joint cannot produce the torque that the motion needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Overload {
     /// The name of the joint.
@@ -243,7 +251,7 @@ pub struct Overload {
     pub to_s: f64,
     /// The torque that is farthest beyond the possible one, N m.
     pub torque: f64,
-    /// The torque that the tendons can produce then, N m.
+    /// The torque that the actuators can produce then, N m.
     pub possible: f64,
 }
 

@@ -40,7 +40,7 @@ def model_of(hand):
             name=axis, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=direction, damping=TABLE_VISCOUS, range=[-TABLE_M, TABLE_M]
         )
     model = spec.compile()
-    assert model.nu == len(hand.outputs.of("flexor", "extensor")), "the model has the tendons of the configuration"
+    assert model.nu == len(hand.outputs.of("actuator")), "the model has the tendons of the configuration"
     return model
 
 
@@ -57,7 +57,7 @@ class Robot:
 
     def advance(self, commands, cut):
         """One step: actuators do as they are told."""
-        tension = commands.tension.copy()
+        tension = commands.effort.copy()
         if cut >= 0:
             tension[cut] = 0.0
         self.data.ctrl[:] = tension * PA_PER_N
@@ -67,7 +67,7 @@ class Robot:
     def sensors(self):
         """What the sensors measure: rad, N, m."""
         position, axis = np.split(self.data.qpos, [self.joints])
-        return {"position": position, "tension": self.data.sensordata, "axis": axis}
+        return {"position": position, "effort": self.data.sensordata, "axis": axis}
 
 
 def main():

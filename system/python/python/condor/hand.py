@@ -62,7 +62,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Overload:
-    """A time in which tendons cannot give the torque that a motion takes of a joint."""
+    """A time in which actuators cannot give the torque that a motion takes of a joint."""
 
     joint: str
     from_s: float
@@ -70,7 +70,7 @@ class Overload:
     torque: float
     """The torque that is farthest from what can be given, N m."""
     possible: float
-    """The torque that the tendons give then, N m."""
+    """The torque that the actuators give then, N m."""
 
 
 @dataclass(frozen=True)
@@ -113,21 +113,21 @@ class Plan:
 class Wires:
     """The channels of sensors or of actuators, with their calibrations; arrays have the shape (wires,).
 
-    They are in the order of the configuration: finger by finger, and of each joint what it has.
+    They are in the order of the configuration: finger by finger, its joints before its actuators.
     """
 
     names: list[str]
-    """What is at the end: `finger.joint`, `finger` of a tip, or an axis of the table."""
+    """What is at the end: `finger.joint`, `finger.actuator`, `finger` of a tip, or an axis of the table."""
     kinds: list[str]
-    """`position` of a joint, tension of its `flexor` or `extensor`, `touch` of a tip, or `axis` of the table."""
+    """`position` of a joint, effort of an `actuator`, `touch` of a tip, or `axis` of the table."""
     board: npt.NDArray[np.int64]
     channel: npt.NDArray[np.int64]
     bits: npt.NDArray[np.int64]
     """The widths of the converters."""
     gain: Array
     offset: Array
-    least: Array
-    """The least tensions of tendons, N; 0 of all else."""
+    at_rest: Array
+    """The efforts of actuators from which nothing is asked, N or N m: of a tendon its least tension; 0 of all else."""
     is_output: bool
     """Whether they are of actuators: counts = gain * value + offset. Of sensors, value = gain * counts + offset."""
 
@@ -156,7 +156,7 @@ class Wires:
         return np.floor(np.clip(exact, 0.0, 2.0**self.bits - 1.0) + 0.5).astype(np.int64)
 
     def values(self, counts: npt.ArrayLike) -> Array:
-        """Returns the values of counts, in rad, N or m."""
+        """Returns the values of counts, in rad, N, N m or m."""
         array = np.asarray(counts, dtype=np.float64)
         return (array - self.offset) / self.gain if self.is_output else self.gain * array + self.offset
 
@@ -279,8 +279,8 @@ class Hand:
 def _wires(wires: list[_condor.Wire], is_output: bool) -> Wires:
     own = [it for it in wires if it[2] == is_output]
     board, channel, bits = (np.array([it[of] for it in own], np.int64) for of in (3, 4, 5))
-    gain, offset, least = (np.array([it[of] for it in own], np.float64) for of in (6, 7, 8))
-    return Wires([it[0] for it in own], [it[1] for it in own], board, channel, bits, gain, offset, least, is_output)
+    gain, offset, at_rest = (np.array([it[of] for it in own], np.float64) for of in (6, 7, 8))
+    return Wires([it[0] for it in own], [it[1] for it in own], board, channel, bits, gain, offset, at_rest, is_output)
 
 
 def _clearance(one: dict[str, Any]) -> Clearance:

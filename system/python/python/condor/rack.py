@@ -27,8 +27,9 @@ _CONNECTED = 1
 class Commands(NamedTuple):
     """What the actuators of a hand are told."""
 
-    tension: Array
-    """The tensions, N: of each joint that of the flexor and that of the extensor; shape (tendons,)."""
+    effort: Array
+    """The efforts of the actuators in the order of the configuration, N or N m: of a tendon its tension; shape
+    (actuators,)."""
     force: Array
     """The forces of the axes of the table, N; shape (axes,)."""
 
@@ -41,7 +42,7 @@ class Rack:
     counters of the encoder board. Calibrations and widths are those of the configuration.
 
     A D/A board that is not strobed for `watchdog_s`, or that no program has open, takes its outputs to the least
-    tensions and to no force within `ramp_s`. In simulated time all is as with the simulated robot in Rust.
+    tensions, and to no force or torque, within `ramp_s`. In simulated time all is as with the simulated robot in Rust.
     """
 
     def __init__(
@@ -76,7 +77,11 @@ class Rack:
             _OutputBoard(self._bus, base, self._outputs, np.flatnonzero(places // LINES == number), places, *ticks)
             for number, base in enumerate(dac)
         ]
-        self._values = self._outputs.least.copy()
+        self._values = self._outputs.at_rest.copy()
+        self._actuators = self._outputs.of("actuator")
+        commanded = [self._outputs.names[wire] for wire in self._actuators]
+        self._sensed = self._inputs.of("actuator")
+        self._measured = [commanded.index(self._inputs.names[wire]) for wire in self._sensed]
         self._stuck: dict[int, int] = {}
         self._last = np.zeros(len(self._inputs), np.int64)
         self.unplug()
@@ -101,7 +106,7 @@ class Rack:
         for board in self._boards:
             board.update(self._values)
         axis = self._outputs.of("axis")
-        return Commands(self._values[self._outputs.of("flexor", "extensor")], self._values[axis])
+        return Commands(self._values[self._actuators], self._values[axis])
 
     @property
     def resting(self) -> list[bool]:
@@ -112,22 +117,22 @@ class Rack:
         self,
         *,
         position: npt.ArrayLike,
-        tension: npt.ArrayLike,
+        effort: npt.ArrayLike,
         axis: Optional[npt.ArrayLike] = None,
         touch: Optional[npt.ArrayLike] = None,
     ) -> None:
         """Writes what the sensors say: each converts its value to counts, as its calibration and width are.
 
-        `position` are those of the joints, rad, shape (joints,); `tension` those of the tendons as in `Commands`, N;
-        `axis` those of the table's axes, m; `touch` the forces at the fingertips that have a sensor, N. What is not
-        given stays.
+        `position` are those of the joints, rad, shape (joints,); `effort` those of the actuators as in `Commands`, N or
+        N m, of which those without a sensor are not measured; `axis` those of the table's axes, m; `touch` the forces
+        at the fingertips that have a sensor, N. What is not given stays.
         """
         values = self._inputs.values(self._last)
         given = {"position": position, "axis": axis, "touch": touch}
         for kind, of_kind in given.items():
             if of_kind is not None:
                 values[self._inputs.of(kind)] = of_kind
-        values[self._inputs.of("flexor", "extensor")] = tension
+        values[self._sensed] = np.broadcast_to(effort, self._actuators.shape)[self._measured]
         counts = self._inputs.counts(values)
         for wire, stuck in self._stuck.items():
             counts[wire] = stuck
@@ -140,7 +145,7 @@ class Rack:
             self._bus.write(self._encoder + _CHANNELS, self._counters, width=4)
 
     def stick(self, kind: str, name: str) -> None:
-        """Has a sensor show from now on what it shows now: `kind` is as in `Wires`, `name` that of the joint."""
+        """Has a sensor show from now on what it shows now: `kind` is as in `Wires`, `name` too."""
         wire = self._inputs.index(kind, name)
         self._stuck[wire] = int(self._last[wire])
 
@@ -166,8 +171,8 @@ class _OutputBoard:
         self._lines = places[own] % LINES
         self._offset, self._gain = outputs.offset[own], outputs.gain[own]
         self._zero = outputs.counts(np.zeros(len(outputs)))[own]
-        self._least = outputs.least[own]
-        self._asked, self._from = self._least, self._least
+        self._at_rest = outputs.at_rest[own]
+        self._asked, self._from = self._at_rest, self._at_rest
         self._patience, self._ramp = patience, ramp
         self._ticks, self._state = 0, "new"
 
@@ -176,7 +181,7 @@ class _OutputBoard:
         return self._state != "refreshed"
 
     def update(self, values: Array) -> None:
-        """One step: its own values among those of all outputs, N."""
+        """One step: its own values among those of all outputs, N or N m."""
         if not len(self._own):
             return
         self._ticks += 1
@@ -195,12 +200,12 @@ class _OutputBoard:
         elif self._state == "refreshed" and self._ticks >= self._patience:
             self._rest()
         if self._state == "new":
-            values[self._own] = self._least
+            values[self._own] = self._at_rest
         elif self._state == "refreshed":
             values[self._own] = self._asked
         else:
             part = min(self._ticks / self._ramp, 1.0)
-            values[self._own] = self._from + (self._least - self._from) * part
+            values[self._own] = self._from + (self._at_rest - self._from) * part
 
     def _rest(self) -> None:
         self._from, self._ticks, self._state = self._asked, 0, "rests"

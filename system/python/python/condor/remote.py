@@ -3,7 +3,7 @@
     from condor.remote import Remote
 
     with Remote("hand", "lab", ["tcp/192.168.0.2:7447"], password="secret") as hand:
-        hand.set("index.proximal.flexor.gains.kt", 0.5)
+        hand.set("index.proximal-flexor.gains.kp", 0.5)
         print(hand.run("wave").state)
         for row in hand.subscribe("/servo_a/"):
             print(row["tick"], row)

@@ -55,7 +55,7 @@ commands! {
     "hold": "makes fingers hold their positions, or lets them go" {
         "enable" "[FINGER]" "makes fingers hold where they are" "enable index" enable
             "Without a name: all fingers. It clears faults.";
-        "disable" "[FINGER]" "lets go: least tension on both tendons" "disable index" disable
+        "disable" "[FINGER]" "lets go: no torque of the joints" "disable index" disable
             "Without a name: all fingers. It ends a motion that moves one of them.";
         "control" "" "takes control from another program" "control" control
             "Only one program at a time moves the robot, such as the page or this terminal.";
@@ -71,15 +71,16 @@ commands! {
     }
     "modes": "sets how joints are controlled; `enable` first" {
         "mode" "FINGER[.JOINT] MODE" "sets the mode; joints keep their state" "mode index impedance" mode
-            "MODE: off, tension, torque, position or impedance. `enable` goes back to positions.";
+            "MODE: off, effort, torque, position or impedance. `enable` goes back to positions.";
         "torque" "FINGER.JOINT NM" "sets the torque of a joint" "torque index.middle 0.05" torque
-            "NM: the torque of its tendons, N m. Nothing else bears the weight of the links.";
-        "tension" "FINGER.JOINT N N" "sets tensions of flexor and extensor" "tension index.middle 8 8" tension
+            "NM: the torque of its actuators, N m. Nothing else bears the weight of the links.";
+        "effort" "FINGER.ACTUATOR N" "sets the effort of an actuator" "effort index.middle-flexor 8" effort
             "N: within the range of the actuators.";
         "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "acts as a spring" "impedance index 0.05" impedance
             "Stiffness, damping, and the position at rest, by default the present one.";
-        "gains" "FINGER.JOINT [GAIN VALUE]..." "shows or sets gains, filters and limits"
-            "gains index.middle servo.zeta 1" gains "A value out of its range is refused with the range.";
+        "gains" "FINGER.PART [GAIN VALUE]..." "shows or sets gains, filters and limits"
+            "gains index.middle servo.zeta 1" gains
+            "PART is a joint or an actuator. A value out of its range is refused with the range.";
     }
     "teach": "records motions, and keeps them in files" {
         "record" "MOTION" "records what is run until `save`" "record mine" record
@@ -105,8 +106,8 @@ commands! {
             "Force: -20 to 20 N. Moment: -1 to 1 N m.";
         "weight" "FINGER KG" "hangs a weight on a fingertip" "weight index 0.1" weight
             "KG: 0 to 1 kg; 0 takes it away.";
-        "fault" "FINGER.JOINT position|flexor|extensor" "breaks a sensor or a tendon" "fault thumb.distal position"
-            fault "`clear` mends it.";
+        "fault" "FINGER.PART position|drive" "breaks a sensor or a drive" "fault thumb.distal position"
+            fault "A joint has a sensor of its position, an actuator is a drive. `clear` mends it.";
         "clear" "" "mends what is broken" "clear" clear
             "If the simulation has failed, it is at its start again. Otherwise the ball stays where it is.";
     }
@@ -542,7 +543,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Switches fingers off, and stops what moves one of them.
     fn disable<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let outcome = self.each_finger(words, "disabled, at the least tensions", Servos::disable);
+        let outcome = self.each_finger(words, "disabled, without torque", Servos::disable);
         let is_moved = |finger| self.player.moves(finger) && !self.servos.follows(finger);
         if (0..FINGERS).any(is_moved) && self.stop(RefusalReason::Command) {
             self.say(format_args!("all motion stops"));

@@ -326,7 +326,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     fn observed(&self) -> Observations<ALL> {
         let mut observed = Observations {
             torques: [f64::NAN; ALL],
-            tensions: [f64::NAN; ALL],
+            efforts: [f64::NAN; ALL],
             contacts: 0,
         };
         for (finger, &servo) in self.servo_indices.iter().enumerate() {
@@ -338,17 +338,17 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             let range = self.numbers.range(finger);
             let places = (
                 observed.torques.get_mut(range.clone()),
-                observed.tensions.get_mut(range),
+                observed.efforts.get_mut(range),
             );
-            if let (Some(torques), Some(tensions)) = places
-                && let (Some(torque), Some(tension)) =
-                    (felt.torque.get(finger), felt.tension.get(finger))
+            if let (Some(torques), Some(efforts)) = places
+                && let (Some(torque), Some(effort)) =
+                    (felt.torque.get(finger), felt.effort.get(finger))
             {
                 for (place, torque) in torques.iter_mut().zip(torque) {
                     *place = *torque;
                 }
-                for (place, tension) in tensions.iter_mut().zip(tension) {
-                    *place = *tension;
+                for (place, effort) in efforts.iter_mut().zip(effort) {
+                    *place = *effort;
                 }
             }
             if felt.contacts >> finger & 1 == 1 {
@@ -386,7 +386,7 @@ const fn of_hand(guard: MotionGuard, first: usize) -> MotionGuard {
         MotionGuard::Torque { joint } => MotionGuard::Torque {
             joint: first + joint % JOINTS,
         },
-        MotionGuard::Tension { joint } => MotionGuard::Tension {
+        MotionGuard::Effort { joint } => MotionGuard::Effort {
             joint: first + joint % JOINTS,
         },
         MotionGuard::Contact { joint } => MotionGuard::Contact {

@@ -4,8 +4,8 @@ use core::fmt::Arguments;
 use core::time::Duration;
 
 use condor_hand::config::Finger;
+use condor_hand::fault::FingerFault;
 use condor_hand::servo::{JointTarget, ServoMode, ServoRefusal};
-use condor_hand::tendon::fault::FingerFault;
 use condor_hand::trajectory::{Begin, MotionError, Pace, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
 use condor_rt::objects::{self as names, ObjectKind};
@@ -19,7 +19,7 @@ use crate::joints::JointNumbers;
 use crate::message::{ServoClient, ServoStatus};
 use crate::packet::ClientError;
 use crate::servo::{self, Names};
-use crate::{FINGERS, JOINTS, RobotDescription, objects};
+use crate::{ACTUATORS, FINGERS, JOINTS, RobotDescription, objects};
 
 /// The time in which a servo must answer.
 pub(super) const ANSWER: Duration = Duration::from_millis(500);
@@ -496,6 +496,39 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         }
     }
 
+    /// Sets the effort of an actuator, N or N m, and the mode of its joint.
+    pub(super) fn set_effort(
+        &mut self,
+        finger: usize,
+        actuator: usize,
+        effort: f64,
+    ) -> Result<(), Problem<'static>> {
+        let joint = (self.hand.fingers.get(finger)).and_then(|finger| finger.joint_of(actuator));
+        let (joint, number) = (joint.unwrap_or_default() as u32, actuator as u32);
+        let outcome = self.ask(finger, |client, finger, timeout| {
+            client.set_effort(finger, joint, (number, effort), timeout)
+        });
+        self.refresh(finger)?;
+        self.tell_loop();
+        match outcome? {
+            Err(ClientError::Refused(ServoRefusal::Effort {
+                value, low, high, ..
+            })) => {
+                let entry = self.hand.fingers.get(finger);
+                let name = entry.map(|it| it.name.clone());
+                let entry = self.hand.actuator(finger, actuator);
+                Err(Problem::Effort {
+                    finger: name.unwrap_or_default(),
+                    actuator: entry.map(|it| it.name.clone()).unwrap_or_default(),
+                    value,
+                    low,
+                    high,
+                })
+            }
+            outcome => self.explained(finger, outcome),
+        }
+    }
+
     /// Sets a target of a joint, and the mode of that target.
     pub(super) fn set_target(
         &mut self,
@@ -548,7 +581,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
 /// Says which fault a finger has, and what can be done.
 pub(super) fn tell_fault(
-    finger: &Finger<JOINTS>,
+    finger: &Finger<JOINTS, ACTUATORS>,
     fault: FingerFault,
     mut say: impl FnMut(Arguments<'_>),
 ) {

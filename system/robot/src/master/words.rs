@@ -6,10 +6,10 @@ use condor_fs::{Errno, FileError};
 use condor_hand::config::{Finger, Name};
 use condor_hand::controller::GuardStop;
 use condor_hand::decimal::Decimal;
+use condor_hand::fault::FaultCode;
 use condor_hand::grasp::GraspError;
 use condor_hand::grasp::distributed::GraspReason;
 use condor_hand::servo::TargetQuantity;
-use condor_hand::tendon::fault::FaultCode;
 use condor_hand::trajectory::{MotionError, MotionGuard};
 use condor_hand::{ImageError, NumberError};
 use condor_mbox::AccessError;
@@ -21,7 +21,7 @@ use thiserror::Error;
 use crate::RobotDescription;
 use crate::packet::ClientError;
 use crate::queue::{RefusalReason, SessionOwner};
-use crate::{JOINTS, plant, table};
+use crate::{ACTUATORS, JOINTS, plant, table};
 
 /// The reason why a command is not done.
 #[derive(Debug, Error)]
@@ -38,10 +38,12 @@ pub(super) enum Problem<'l> {
     Finger { word: &'l str, known: NameList },
     #[error("no joint is called \"{word}\"; there are {known}")]
     Joint { word: &'l str, known: NameList },
+    #[error("no actuator is called \"{word}\"; there are {known}")]
+    Actuator { word: &'l str, known: NameList },
     #[error(
         "\"{0}\" cannot be the name of a motion: a name has letters, digits, - and _, at most {max}", max = NAME_BYTES)]
     Name(&'l str),
-    #[error("there is no gain \"{0}\"; `gains FINGER.JOINT` shows all")]
+    #[error("there is no gain \"{0}\"; `gains` with the name alone shows all")]
     Gain(&'l str),
     #[error(
         "{name} cannot be {value}; it may be {low} to {high}",
@@ -78,6 +80,19 @@ pub(super) enum Problem<'l> {
         mode: &'static str,
     },
     #[error(
+        "the effort of {finger}.{actuator} cannot be {value}; it may be {low} to {high}",
+        value = Decimal(*.value),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
+    Effort {
+        finger: Name,
+        actuator: Name,
+        value: f64,
+        low: f64,
+        high: f64,
+    },
+    #[error(
         "{quantity} cannot be {value} {unit} at {finger}.{joint}; it may be {low} to {high}",
         quantity = .quantity.name(),
         unit = .quantity.unit(),
@@ -108,7 +123,7 @@ pub(super) enum Problem<'l> {
     #[error("{0} rests after a fault: `enable {0}` makes it hold its position")]
     AfterFault(Name),
     #[error(
-        "the fault of {0} is cleared, but the finger has not come to its least tensions; wait, and `enable {0}` again"
+        "the fault of {0} is cleared, but its actuators have not come to rest; wait, and `enable {0}` again"
     )]
     Resting(Name),
     #[error("a motion runs or waits: type `abort` first")]
@@ -236,6 +251,7 @@ impl Problem<'_> {
             | Self::TooMany(word)
             | Self::Finger { word, .. }
             | Self::Joint { word, .. }
+            | Self::Actuator { word, .. }
             | Self::Name(word)
             | Self::Gain(word)
             | Self::Bounds { word, .. }
@@ -354,7 +370,7 @@ impl fmt::Display for MotionNumber {
 
 /// Which guard has stopped a finger, and at which value.
 pub(super) struct GuardText<'h> {
-    pub(super) entry: &'h Finger<JOINTS>,
+    pub(super) entry: &'h Finger<JOINTS, ACTUATORS>,
     pub(super) stop: GuardStop,
 }
 
@@ -364,13 +380,16 @@ impl fmt::Display for GuardText<'_> {
         let finger = &entry.name;
         let (what, joint, unit) = match stop.guard {
             MotionGuard::Torque { joint } => ("a torque", Some(joint), "N m"),
-            MotionGuard::Tension { joint } => ("a tension", Some(joint), "N"),
+            MotionGuard::Effort { joint } => ("an effort", Some(joint), ""),
             MotionGuard::Contact { .. } => ("a contact", None, "N"),
             MotionGuard::Time => ("a time", None, "s"),
         };
         write!(f, "{what} of ")?;
         if stop.value.is_finite() {
-            write!(f, "{:.3} {unit}", Decimal(stop.value))?;
+            write!(f, "{:.3}", Decimal(stop.value))?;
+            if !unit.is_empty() {
+                write!(f, " {unit}")?;
+            }
         } else {
             f.write_str("an unknown value")?;
         }
@@ -530,12 +549,7 @@ impl<'l> Words<'l> {
 
     /// The next word as FINGER.JOINT: both from 0.
     pub(super) fn joint(&mut self, hand: &RobotDescription) -> Result<(usize, usize), Problem<'l>> {
-        let word = self.word("FINGER.JOINT")?;
-        let what = "FINGER.JOINT";
-        let dot = word.bytes().position(|byte| byte == b'.');
-        let names = dot.and_then(|dot| Some((word.get(..dot)?, word.get(dot + 1..)?)));
-        let (finger, joint) = names.ok_or(Problem::Not { word, what })?;
-        let finger = named(finger, hand)?;
+        let (finger, joint) = self.part("FINGER.JOINT", hand)?;
         let joints = hand.fingers.get(finger).map(|it| it.joints.as_slice());
         let mut joints = joints.unwrap_or_default().iter().take(JOINTS);
         let all = joints.clone();
@@ -545,6 +559,49 @@ impl<'l> Words<'l> {
             known: known(all.map(|it| &it.name)),
         };
         Ok((finger, found.ok_or_else(problem)?))
+    }
+
+    /// The next word as FINGER.ACTUATOR: both from 0.
+    pub(super) fn actuator(
+        &mut self,
+        hand: &RobotDescription,
+    ) -> Result<(usize, usize), Problem<'l>> {
+        let (finger, actuator) = self.part("FINGER.ACTUATOR", hand)?;
+        let actuators = hand.fingers.get(finger).map(|it| it.actuators.as_slice());
+        let actuators = actuators.unwrap_or_default();
+        let found = actuators.iter().position(|it| it.name == actuator);
+        let problem = || Problem::Actuator {
+            word: actuator,
+            known: known(actuators.iter().map(|it| &it.name)),
+        };
+        Ok((finger, found.ok_or_else(problem)?))
+    }
+
+    /// The next word as a finger, from 0, and the name of a part of it.
+    fn part(
+        &mut self,
+        what: &'static str,
+        hand: &RobotDescription,
+    ) -> Result<(usize, &'l str), Problem<'l>> {
+        let word = self.word(what)?;
+        let dot = word.bytes().position(|byte| byte == b'.');
+        let names = dot.and_then(|dot| Some((word.get(..dot)?, word.get(dot + 1..)?)));
+        let (finger, part) = names.ok_or(Problem::Not { word, what })?;
+        Ok((named(finger, hand)?, part))
+    }
+
+    /// The next word as a finger, from 0, and the name of one of its joints or actuators.
+    pub(super) fn joint_or_actuator(
+        &mut self,
+        hand: &RobotDescription,
+    ) -> Result<(usize, &'l str), Problem<'l>> {
+        let mut ahead = self.clone();
+        let (finger, name) = ahead.clone().part("FINGER.PART", hand)?;
+        match ahead.actuator(hand) {
+            Ok(_) => *self = ahead,
+            Err(_) => _ = self.joint(hand)?,
+        }
+        Ok((finger, name))
     }
 
     /// All words that are left.

@@ -71,7 +71,7 @@ where
     }
 
     /// Switches one joint, or all joints of the finger if `joint` is `None`, to another mode. The present positions,
-    /// torques or tensions become the targets, so nothing jumps.
+    /// torques or efforts become the targets, so nothing jumps.
     ///
     /// # Errors
     /// Returns [`ClientError::Refused`] if the servo refuses the request; [`ClientError::NotDone`] if
@@ -93,8 +93,8 @@ where
         self.order(request, OrderPart::Drive(joint), timeout)
     }
 
-    /// Switches one joint, or all joints of the finger if `joint` is `None`, off. A joint that is off has its least
-    /// tensions.
+    /// Switches one joint, or all joints of the finger if `joint` is `None`, off. If all are off,
+    /// the actuators of the finger are at rest.
     ///
     /// # Errors
     /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
@@ -126,6 +126,28 @@ where
             target,
         };
         self.order(request, OrderPart::Drive(joint), timeout)
+    }
+
+    /// Sets the effort of an actuator (N, or N m), and switches the joint to which it
+    /// [belongs](condor_hand::transmission::Linear::joint_of) to [`ServoMode::Effort`].
+    ///
+    /// # Errors
+    /// Returns [`ClientError::Refused`] if the actuator cannot have the effort, or does not belong to the joint, and
+    /// otherwise the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
+    pub fn set_effort(
+        &mut self,
+        finger: u32,
+        joint: u32,
+        (actuator, effort): (u32, f64),
+        timeout: Duration,
+    ) -> Result<(), ClientError> {
+        let request = ServoRequest::Effort {
+            finger,
+            joint,
+            actuator,
+            effort,
+        };
+        self.order(request, OrderPart::Drive(Some(joint)), timeout)
     }
 
     /// Returns the state of a finger, such as its modes and its fault, as the servo loop last reported it.

@@ -1,8 +1,9 @@
-use condor_hand::config::{FaultNumber, JointNumber};
+use condor_hand::config::{ActuatorNumber, FaultNumber, JointNumber};
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
-use condor_hand::servo::{JointGains, JointTarget, ServoMode};
+use condor_hand::servo::{EffortGains, JointGains, JointTarget, ServoMode};
 use condor_hand::trajectory::{SetPoint, StopGuard};
+use condor_hand::transmission::Transmission;
 use serde::{Deserialize, Serialize};
 use zerocopy::IntoBytes;
 
@@ -29,6 +30,20 @@ pub enum FingerRequest<const N: usize> {
         /// The target that was asked for.
         target: JointTarget,
     },
+    /// Sets the effort of an actuator, and the mode of its joint.
+    Effort {
+        /// The actuator, from 0.
+        actuator: usize,
+        /// The effort that was asked for, N or N m.
+        effort: f64,
+    },
+    /// Sets other gains of an actuator.
+    EffortGains {
+        /// The actuator, from 0.
+        actuator: usize,
+        /// The gains that were asked for.
+        gains: EffortGains,
+    },
     /// Sets other gains of a joint.
     Gains {
         /// The joint, from 0.
@@ -45,12 +60,21 @@ pub enum FingerRequest<const N: usize> {
         #[serde(with = "array")]
         guards: [StopGuard; N],
     },
-    /// Sets another limit, stop, filter or threshold of a joint.
+    /// Sets another limit, stop or filter of a joint.
     Number {
         /// The joint, from 0.
         joint: usize,
         /// The number that was set.
         number: JointNumber,
+        /// The value that was asked for.
+        value: f64,
+    },
+    /// Sets another threshold or filter of an actuator.
+    ActuatorNumber {
+        /// The actuator, from 0.
+        actuator: usize,
+        /// The number that was set.
+        number: ActuatorNumber,
         /// The value that was asked for.
         value: f64,
     },
@@ -64,17 +88,21 @@ pub enum FingerRequest<const N: usize> {
 }
 
 impl<const N: usize> FingerRequest<N> {
-    /// The greatest number of words that [`put`](Self::put) needs: gains take up to 116 bytes, and set-points up to 46 for
+    /// The greatest number of words that [`put`](Self::put) needs: gains take up to 53 bytes, and set-points up to 46 for
     /// each joint, behind 3.
     pub const WORDS: usize = {
-        let (gains, points) = (116, 3 + 46 * N);
+        let (gains, points) = (53, 3 + 46 * N);
         let bytes: usize = if gains > points { gains } else { points };
         bytes.div_ceil(size_of::<u32>())
     };
 
     /// Passes the same request to another controller. If the first controller refused the request,
     /// the other one refuses it, too; a refused request has no effect.
-    pub fn repeat<M: Dynamics<N>>(&self, controller: &mut FingerController<M, N>) {
+    pub fn repeat<M, T, const A: usize>(&self, controller: &mut FingerController<M, T, N, A>)
+    where
+        M: Dynamics<N>,
+        T: Transmission<N, A>,
+    {
         // The first controller has told whoever asked.
         match *self {
             Self::Restart => controller.clear(),
@@ -83,6 +111,12 @@ impl<const N: usize> FingerRequest<N> {
             }
             Self::Target { joint, target } => {
                 let _ = controller.set_target(joint, target);
+            }
+            Self::Effort { actuator, effort } => {
+                let _ = controller.set_effort(actuator, effort);
+            }
+            Self::EffortGains { actuator, gains } => {
+                let _ = controller.set_effort_gains(actuator, &gains);
             }
             Self::Gains { joint, gains } => {
                 let _ = controller.set_gains(joint, &gains);
@@ -96,6 +130,13 @@ impl<const N: usize> FingerRequest<N> {
                 value,
             } => {
                 let _ = controller.set_number(joint, number, value);
+            }
+            Self::ActuatorNumber {
+                actuator,
+                number,
+                value,
+            } => {
+                let _ = controller.set_actuator_number(actuator, number, value);
             }
             Self::Fault { number, value } => {
                 let _ = controller.set_fault_number(number, value);
@@ -149,14 +190,13 @@ mod array {
 #[cfg(test)]
 mod tests {
     use condor_hand::servo::PositionLaw;
-    use condor_hand::tendon::{Pair, TensionGains};
 
     use super::*;
 
     #[test]
     fn words_say_what_was_asked() {
-        let tension = TensionGains {
-            kt: 1.0,
+        let effort_gains = EffortGains {
+            kp: 1.0,
             ki: 2.0,
             kd: 3.0,
             kv: 4.0,
@@ -167,19 +207,15 @@ mod tests {
                 damping_ratio: 0.7,
             },
             k_torque: 0.5,
-            tension: Pair::both(tension),
         };
-        let target = JointTarget::Tension(Pair {
-            flexor: 9.0,
-            extensor: 8.0,
-        });
+        let target = JointTarget::Torque(9.0);
         let mode = ServoMode::Position;
         let points = [1.0, -0.0, 3.0, 4.0].map(SetPoint::rest);
         let mut guards = [StopGuard::NONE; 4];
         guards[2] = StopGuard {
             motion: 7,
             torque: 0.1,
-            tension: 20.0,
+            effort: 20.0,
             contact: true,
         };
         for asked in [
@@ -190,8 +226,21 @@ mod tests {
             FingerRequest::Follow { points, guards },
             FingerRequest::Number {
                 joint: 3,
-                number: JointNumber::ExtensorCutoff,
+                number: JointNumber::PositionCutoff,
                 value: 25.0,
+            },
+            FingerRequest::Effort {
+                actuator: 7,
+                effort: 8.0,
+            },
+            FingerRequest::EffortGains {
+                actuator: 6,
+                gains: effort_gains,
+            },
+            FingerRequest::ActuatorNumber {
+                actuator: 5,
+                number: ActuatorNumber::Above,
+                value: 90.0,
             },
             FingerRequest::Fault {
                 number: FaultNumber::Tracking,

@@ -165,6 +165,15 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
             ServoRequest::Target { joint, target, .. } => {
                 ServoResponse::Ordered(memory.order(joint, JointDrive::Target(target))?)
             }
+            ServoRequest::Effort {
+                joint,
+                actuator,
+                effort,
+                ..
+            } => {
+                let drive = JointDrive::Effort { actuator, effort };
+                ServoResponse::Ordered(memory.order(Some(joint), drive)?)
+            }
             ServoRequest::Restart { .. } => {
                 let restarts = memory.word(word::RESTARTS)?.wrapping_add(1);
                 memory.set_word(word::RESTARTS, restarts)?;

@@ -20,7 +20,7 @@ pub(super) struct JointPoint {
     /// 1 if a contact stops the motion, otherwise 0.
     contact: u32,
     torque: f64,
-    tension: f64,
+    effort: f64,
 }
 
 impl JointPoint {
@@ -32,7 +32,7 @@ impl JointPoint {
             motion: guard.motion,
             contact: guard.contact.into(),
             torque: guard.torque,
-            tension: guard.tension,
+            effort: guard.effort,
         }
     }
 
@@ -48,7 +48,7 @@ impl JointPoint {
         StopGuard {
             motion: self.motion,
             torque: self.torque,
-            tension: self.tension,
+            effort: self.effort,
             contact: self.contact != 0,
         }
     }

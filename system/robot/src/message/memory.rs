@@ -47,6 +47,11 @@ pub(super) struct JointOrder {
 pub(super) enum JointDrive {
     Mode(ServoMode),
     Target(JointTarget),
+    /// The effort of an actuator of the joint, N or N m.
+    Effort {
+        actuator: u32,
+        effort: f64,
+    },
 }
 
 /// The outcome of an order in the loop.

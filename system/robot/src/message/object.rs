@@ -1,5 +1,6 @@
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
+use condor_hand::transmission::Transmission;
 use condor_mbox::{AccessError, Exclusion, MemoryWindow, Region, StaticMemory};
 
 use super::handler::{HandIdentity, ServoHandler};
@@ -20,14 +21,13 @@ use super::servo_loop::HandLoop;
 /// use condor_hand::controller::FingerController;
 /// use condor_hand::servo::{ServoMode, FingerReadings};
 /// use condor_robot::message::{HandIdentity, SERVO, ServoClient, ServoObject, ServoLayout};
-/// # use condor_hand::tendon::Pair;
 ///
 /// # const MASTER: Processor = Processor(0);
 /// # const REMOTE: Processor = Processor(1);
 /// # let system = SimSystem::<2>::in_real_time(4096);
 /// # let [_, windows] = system.windows(REMOTE);
 /// # let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-/// let hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml")?;
+/// let hand = Hand::<4, 4, 8>::from_toml(text, "utah-mit.toml")?;
 /// let finger = &hand.fingers[0];
 ///
 /// // The processor of one finger.
@@ -35,7 +35,7 @@ use super::servo_loop::HandLoop;
 /// let places = ServoLayout::<4, 4>::new(&mut Allocator::new(ram.size()), 2)?;
 /// let names = ["index", "middle", "ring", "thumb"];
 /// let identity = HandIdentity::new(&hand.name, names, hand.servo_hz);
-/// let controller = FingerController::new(&hand, finger, finger.chain())?;
+/// let controller = FingerController::new(&hand, finger, finger.chain(), finger.transmission()?)?;
 /// let mut object = ServoObject::new();
 /// let (handler, mut servos) =
 ///     object.split(identity, &ram, places, CriticalSection, [Some(controller), None, None, None])?;
@@ -52,7 +52,7 @@ use super::servo_loop::HandLoop;
 /// # let done = &done;
 /// std::thread::scope(|threads| {
 ///     // In each tick of the servo loop:
-///     # let sensed = FingerReadings { position: [0.1, 0.6, 0.8, 0.7].into(), tension: [Pair::both(4.0); 4], touch: 0.0 };
+///     # let sensed = FingerReadings { position: [0.1, 0.6, 0.8, 0.7].into(), effort: [4.0; 8], touch: 0.0 };
 ///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
 ///     servos.tick(0, &sensed, &hand.gravity.into(), 1.0 / 400.0);
 ///     # });
@@ -79,8 +79,8 @@ pub struct ServoObject<const F: usize, const N: usize> {
 
 /// The two parts of a [`ServoObject`]: the [`ServoHandler`] for the background, and the
 /// [`HandLoop`] for the servo loop.
-pub type ServoEnds<'o, M, W, X, const F: usize, const N: usize> =
-    (ServoHandler<'o, W, X, F, N>, HandLoop<'o, M, W, F, N>);
+pub type ServoEnds<'o, M, T, W, X, const F: usize, const N: usize, const A: usize> =
+    (ServoHandler<'o, W, X, F, N>, HandLoop<'o, M, T, W, F, N, A>);
 
 impl<const F: usize, const N: usize> ServoObject<F, N> {
     /// Makes the memory of the object; [`split`](Self::split) then connects it to controllers.
@@ -109,16 +109,17 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if the places are not in the region, or of another
     /// kind if the memory cannot be accessed.
-    pub fn split<M, W, X>(
+    pub fn split<M, T, W, X, const A: usize>(
         &mut self,
         identity: HandIdentity<F>,
         region: &Region<W>,
         places: ServoLayout<F, N>,
         exclusion: X,
-        controllers: [Option<FingerController<M, N>>; F],
-    ) -> Result<ServoEnds<'_, M, W, X, F, N>, AccessError>
+        controllers: [Option<FingerController<M, T, N, A>>; F],
+    ) -> Result<ServoEnds<'_, M, T, W, X, F, N, A>, AccessError>
     where
         M: Dynamics<N>,
+        T: Transmission<N, A>,
         W: MemoryWindow + Clone,
         X: Exclusion,
     {

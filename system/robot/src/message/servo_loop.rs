@@ -2,6 +2,7 @@ use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::distributed::FingerControllers;
 use condor_hand::servo::{FingerReadings, ServoMode, ServoRefusal};
+use condor_hand::transmission::Transmission;
 use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Region, StaticWindow};
 use heapless::Vec;
@@ -17,13 +18,13 @@ use crate::packet::Packet;
 /// The part of a [`ServoObject`](super::ServoObject) that runs in the servo loop: it carries out the requests of
 /// clients and the set-points of the master with the controllers of the fingers.
 #[derive(Debug)]
-pub struct HandLoop<'o, M, W, const F: usize, const N: usize> {
-    fingers: [Option<FingerLoop<'o, M, W, N>>; F],
+pub struct HandLoop<'o, M, T, W, const F: usize, const N: usize, const A: usize> {
+    fingers: [Option<FingerLoop<'o, M, T, W, N, A>>; F],
 }
 
 #[derive(Debug)]
-struct FingerLoop<'o, M, W, const N: usize> {
-    controller: FingerController<M, N>,
+struct FingerLoop<'o, M, T, W, const N: usize, const A: usize> {
+    controller: FingerController<M, T, N, A>,
     memory: &'o FingerMemory<N>,
     words: Region<StaticWindow<'o>>,
     /// The number of the last order of which all is done.
@@ -41,14 +42,17 @@ struct FingerLoop<'o, M, W, const N: usize> {
     reported: Option<ServoStatus<N>>,
 }
 
-impl<'o, M: Dynamics<N>, W: MemoryWindow + Clone, const F: usize, const N: usize>
-    HandLoop<'o, M, W, F, N>
+impl<'o, M, T, W, const F: usize, const N: usize, const A: usize> HandLoop<'o, M, T, W, F, N, A>
+where
+    M: Dynamics<N>,
+    T: Transmission<N, A>,
+    W: MemoryWindow + Clone,
 {
     pub(super) fn new(
         memories: &'o [FingerMemory<N>; F],
         region: &Region<W>,
         places: ServoLayout<F, N>,
-        controllers: [Option<FingerController<M, N>>; F],
+        controllers: [Option<FingerController<M, T, N, A>>; F],
     ) -> Result<Self, AccessError> {
         let mut fingers = [const { None }; F];
         let all = fingers.iter_mut().zip(controllers).zip(memories);
@@ -62,7 +66,12 @@ impl<'o, M: Dynamics<N>, W: MemoryWindow + Clone, const F: usize, const N: usize
     }
 }
 
-impl<M: Dynamics<N>, W: MemoryWindow, const F: usize, const N: usize> HandLoop<'_, M, W, F, N> {
+impl<M, T, W, const F: usize, const N: usize, const A: usize> HandLoop<'_, M, T, W, F, N, A>
+where
+    M: Dynamics<N>,
+    T: Transmission<N, A>,
+    W: MemoryWindow,
+{
     /// Runs one tick of finger number `finger`: passes on the requests and set-points that have
     /// come since the last tick, and then calls [`FingerController::tick`] with the other
     /// arguments. Returns `None` for a finger that the processor does not serve.
@@ -71,10 +80,10 @@ impl<M: Dynamics<N>, W: MemoryWindow, const F: usize, const N: usize> HandLoop<'
     pub fn tick(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<N>,
+        sensed: &FingerReadings<N, A>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Option<FingerTick<N>> {
+    ) -> Option<FingerTick<N, A>> {
         self.tick_telling(finger, sensed, gravity, period_s, |_| {})
     }
 
@@ -84,11 +93,11 @@ impl<M: Dynamics<N>, W: MemoryWindow, const F: usize, const N: usize> HandLoop<'
     pub fn tick_telling(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<N>,
+        sensed: &FingerReadings<N, A>,
         gravity: &Vector3<f64>,
         period_s: f64,
         mut tell: impl FnMut(&FingerRequest<N>),
-    ) -> Option<FingerTick<N>> {
+    ) -> Option<FingerTick<N, A>> {
         let finger = self.fingers.get_mut(finger)?.as_mut()?;
         finger.obey(&mut tell);
         finger.follow(&mut tell);
@@ -100,7 +109,7 @@ impl<M: Dynamics<N>, W: MemoryWindow, const F: usize, const N: usize> HandLoop<'
     /// Returns the controller of finger number `finger`; `None` if the processor does not serve the
     /// finger.
     #[must_use]
-    pub fn controller(&self, finger: usize) -> Option<&FingerController<M, N>> {
+    pub fn controller(&self, finger: usize) -> Option<&FingerController<M, T, N, A>> {
         let finger = self.fingers.get(finger)?.as_ref()?;
         Some(&finger.controller)
     }
@@ -108,15 +117,20 @@ impl<M: Dynamics<N>, W: MemoryWindow, const F: usize, const N: usize> HandLoop<'
     /// Returns the controller of finger number `finger`, so that the program of this processor can
     /// call it directly; `None` if the processor does not serve the finger.
     #[must_use]
-    pub fn controller_mut(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
+    pub fn controller_mut(&mut self, finger: usize) -> Option<&mut FingerController<M, T, N, A>> {
         let finger = self.fingers.get_mut(finger)?.as_mut()?;
         Some(&mut finger.controller)
     }
 }
 
-impl<'o, M: Dynamics<N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M, W, N> {
+impl<'o, M, T, W, const N: usize, const A: usize> FingerLoop<'o, M, T, W, N, A>
+where
+    M: Dynamics<N>,
+    T: Transmission<N, A>,
+    W: MemoryWindow,
+{
     fn new(
-        controller: FingerController<M, N>,
+        controller: FingerController<M, T, N, A>,
         memory: &'o FingerMemory<N>,
         points: Subscriber<Points<N>, Region<W>>,
     ) -> Result<Self, AccessError> {
@@ -217,6 +231,15 @@ impl<'o, M: Dynamics<N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M, W, N
                 tell(&FingerRequest::Target { joint, target });
                 self.controller.set_target(joint, target)
             }
+            JointDrive::Effort { actuator, effort } => {
+                let actuator = actuator as usize;
+                if self.controller.linear().joint_of(actuator) != Some(joint) {
+                    let actuators = self.controller.actuators();
+                    return Err(ServoRefusal::no_actuator(actuator, actuators));
+                }
+                tell(&FingerRequest::Effort { actuator, effort });
+                self.controller.set_effort(actuator, effort)
+            }
         }
     }
 
@@ -238,7 +261,7 @@ impl<'o, M: Dynamics<N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M, W, N
 
     /// Lets the handler know, if there is anything new.
     #[inline]
-    fn tell(&mut self, tick: &FingerTick<N>) {
+    fn tell(&mut self, tick: &FingerTick<N, A>) {
         self.ticks = self.ticks.wrapping_add(1);
         // Memory of the object's own is always there.
         let _ = self.words.set_word(word::TICKS, self.ticks);
@@ -279,12 +302,16 @@ impl JointMemory {
     }
 }
 
-impl<M, W, const F: usize, const N: usize> FingerControllers<M, N> for HandLoop<'_, M, W, F, N>
+impl<M, T, W, const F: usize, const N: usize, const A: usize> FingerControllers<N>
+    for HandLoop<'_, M, T, W, F, N, A>
 where
     M: Dynamics<N>,
+    T: Transmission<N, A>,
     W: MemoryWindow,
 {
-    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
+    type Controller = FingerController<M, T, N, A>;
+
+    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, T, N, A>> {
         self.controller_mut(finger)
     }
 }

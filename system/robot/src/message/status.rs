@@ -1,5 +1,5 @@
+use condor_hand::fault::FingerFault;
 use condor_hand::servo::ServoMode;
-use condor_hand::tendon::fault::FingerFault;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 pub struct ServoStatus<const N: usize> {
     /// The present mode of each joint that the finger has.
     pub modes: Vec<ServoMode, N>,
-    /// A bit for each joint whose tendons cannot give the torque that it needs.
+    /// A bit for each joint whose actuators cannot give the torque that it needs.
     pub saturated: u32,
     /// The first fault since the last restart; `None` if there was none.
     pub fault: Option<FingerFault>,
-    /// True after a fault, while the finger goes to its least tensions or stays there.
+    /// True after a fault, while the efforts of the finger go to rest or stay there.
     pub is_resting: bool,
     /// The number of restarts.
     pub restarts: u32,

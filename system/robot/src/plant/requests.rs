@@ -4,7 +4,7 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// A request to the simulated robot. Fingers and joints are counted from 0; vectors are in the axes of the palm.
+/// A request to the simulated robot. Fingers, joints and actuators are counted from 0; vectors are in the axes of the palm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum PlantRequest {
@@ -44,21 +44,17 @@ pub enum PlantRequest {
     StickSensor {
         /// The finger that has the sensor.
         finger: u32,
-        /// The joint that has the sensor.
-        joint: u32,
-        /// The sensor.
-        which: PlantTarget,
+        /// The sensor that stays as it is.
+        sensor: PlantSensor,
     },
-    /// Breaks a tendon.
-    CutTendon {
-        /// The finger that has the tendon.
+    /// Takes the effort of an actuator away, as if its tendon or its wire were cut.
+    CutDrive {
+        /// The finger that has the actuator.
         finger: u32,
-        /// The joint that the tendon pulls.
-        joint: u32,
-        /// The tendon.
-        which: PlantTarget,
+        /// The number of the actuator in its finger.
+        actuator: u32,
     },
-    /// Makes all sensors and tendons whole again. If the simulation has failed, or a joint is far beyond its limits, the
+    /// Makes all sensors and drives whole again. If the simulation has failed, or a joint is far beyond its limits, the
     /// robot is as at its start again, without a ball and pushes.
     Mend,
 }
@@ -66,15 +62,13 @@ pub enum PlantRequest {
 /// The response of the simulated robot to a [`PlantRequest`].
 pub type PlantResponse = Result<(), PlantRefusal>;
 
-/// The part of a joint that a [`PlantRequest`] breaks: a sensor or a tendon.
+/// A sensor of a finger that a [`PlantRequest`] breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum PlantTarget {
-    /// The sensor of the position.
-    Position,
-    /// The flexor, or the sensor of its tension.
-    Flexor,
-    /// The extensor, or the sensor of its tension.
-    Extensor,
+pub enum PlantSensor {
+    /// The sensor of the position of the joint of this number.
+    Position(u32),
+    /// The sensor of the effort of the actuator of this number.
+    Effort(u32),
 }
 
 /// The range of values that the robot accepts for a number of a [`PlantRequest`].
@@ -128,7 +122,7 @@ impl NumberRange {
 pub enum PlantRefusal {
     /// The robot is busy with another request: ask again.
     Busy,
-    /// There is no such finger, joint, sensor or tendon.
+    /// There is no such finger, joint, sensor or actuator.
     NoSuchPart,
     /// A number is not in its [`NumberRange`].
     Number,
@@ -140,7 +134,7 @@ impl fmt::Display for PlantRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Busy => "it is busy with another request: ask again",
-            Self::NoSuchPart => "there is no such finger, joint, sensor or tendon",
+            Self::NoSuchPart => "there is no such finger, joint, sensor or actuator",
             Self::Number => "a number is out of its range, which `help` of the command tells",
             Self::NoBall => "there is no ball: `ball` adds one",
         })

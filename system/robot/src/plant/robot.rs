@@ -10,17 +10,16 @@ use condor_hand::math::abs;
 use condor_hand::plant::{
     self, DriveKind, ObjectParameters, PlantModel, SimHand, SimObject, SimStop, SimSurface,
 };
-use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::{SVector, Vector3};
 
 use super::TrueState;
 use super::arguments::Arguments;
 use super::ball::Support;
-use super::requests::{NumberRange, PlantRefusal, PlantTarget};
+use super::requests::{NumberRange, PlantRefusal, PlantSensor};
 use super::watchdog::{BoardInput, Watchdog};
 use crate::boards::{BoardError, BoardEvent, SimBoards, processor};
 use crate::recording::Fnv;
-use crate::{FINGERS, Failure, JOINTS, Mechanism, RobotDescription, joints};
+use crate::{ACTUATORS, Actuators, FINGERS, Failure, JOINTS, Mechanism, RobotDescription, joints};
 
 /// The least rate of updates of the simulation, Hz: contacts of 5e4 N/m bear it.
 const UPDATE_HZ: u32 = 10_000;
@@ -31,7 +30,7 @@ pub(super) const WORKSPACE_M: f64 = 1.0;
 /// The distance beyond its limits at which a joint counts as lost, rad: its stops yield by less.
 const BEYOND_RAD: f64 = 0.3;
 /// Sensors of the hand and its table, at most.
-const INPUTS: usize = (3 * JOINTS + 1) * FINGERS + AXES;
+const INPUTS: usize = (JOINTS + ACTUATORS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
 /// Boards of outputs, or of inputs, at most, and the outputs of one.
 const BOARDS: usize = 16;
@@ -62,7 +61,7 @@ pub const MACHINE: PlantModel = PlantModel {
 
 /// The simulated robot: the hand, the ball, the boards and the faults that were requested.
 pub(super) struct Robot {
-    hand: SimHand<Mechanism, FINGERS, JOINTS>,
+    hand: SimHand<Mechanism, Actuators, FINGERS, JOINTS, ACTUATORS>,
     gravity: Vector3<f64>,
     period_s: f64,
     ticks: u64,
@@ -77,7 +76,7 @@ pub(super) struct Robot {
     shown_ns: u64,
     /// In the axes of the palm.
     directions: [Vector3<f64>; AXES],
-    cut: [TendonPairs<bool, JOINTS>; FINGERS],
+    cut: [[bool; ACTUATORS]; FINGERS],
     push: Wrench,
     support: Option<Support>,
     /// Failed ticks since the robot was mended, and why the last one failed.
@@ -118,10 +117,10 @@ impl Robot {
         hand: &RobotDescription,
         arguments: &Arguments,
     ) -> Result<Self, Failure> {
-        let finger = |(entry, mechanism): (&Finger<JOINTS>, Mechanism)| {
+        let finger = |(entry, mechanism): (&Finger<JOINTS, ACTUATORS>, Mechanism)| {
             let limits = entry.limits();
             let q = limits.low + (limits.high - limits.low) * BEGINS_AT;
-            MACHINE.finger(entry, mechanism, q)
+            MACHINE.finger(entry, mechanism, entry.transmission()?, q)
         };
         let absent = joints::absent();
         let entries = joints::with_mechanisms(hand, &absent);
@@ -167,7 +166,7 @@ impl Robot {
                 .into(),
             shown_ns: 0,
             directions,
-            cut: [[Pair::both(false); JOINTS]; FINGERS],
+            cut: [[false; ACTUATORS]; FINGERS],
             push: Wrench::zero(),
             support: None,
             failures: 0,
@@ -208,7 +207,7 @@ impl Robot {
     }
 
     fn advance<B: SimBoards, S: Bus>(&mut self, bus: &S) -> Result<(), Failure> {
-        let mut commands = [[Pair::both(0.0); JOINTS]; FINGERS];
+        let mut commands = [[0.0; ACTUATORS]; FINGERS];
         let mut force = Vector3::zeros();
         for board in &mut self.boards {
             let outputs = board.update::<B, S>(bus)?;
@@ -218,14 +217,10 @@ impl Robot {
                         let direction = self.directions.get(axis).copied();
                         force += direction.unwrap_or_default() * output;
                     }
-                    Wire::Flexor { finger, joint } => {
-                        if let Some(pair) = part(&mut commands, finger, joint) {
-                            pair.flexor = output;
-                        }
-                    }
-                    Wire::Extensor { finger, joint } => {
-                        if let Some(pair) = part(&mut commands, finger, joint) {
-                            pair.extensor = output;
+                    Wire::Actuator { finger, actuator } => {
+                        let commands = commands.get_mut(finger);
+                        if let Some(command) = commands.and_then(|all| all.get_mut(actuator)) {
+                            *command = output;
                         }
                     }
                     Wire::Position { .. } | Wire::Touch { .. } => {}
@@ -233,11 +228,8 @@ impl Robot {
             }
         }
         for (commands, cut) in commands.iter_mut().flatten().zip(self.cut.iter().flatten()) {
-            if cut.flexor {
-                commands.flexor = 0.0;
-            }
-            if cut.extensor {
-                commands.extensor = 0.0;
+            if *cut {
+                *commands = 0.0;
             }
         }
         self.hand.drive_table(force)?;
@@ -295,20 +287,18 @@ impl Robot {
             .unwrap_or_else(|| sensor.adc.counts(self.value(sensor)))
     }
 
-    /// Returns the value that a sensor measures, rad, N or m.
+    /// Returns the value that a sensor measures, rad, N, N m or m.
     fn value(&self, sensor: &Sensor) -> f64 {
         let fingers = self.hand.fingers();
-        let tension = |finger: usize, joint: usize| {
-            let finger = fingers.get(finger)?;
-            finger.tensions().get(joint).copied()
-        };
         let value = match sensor.wire {
             Wire::Position { finger, joint } => {
                 let finger = fingers.get(finger);
                 finger.and_then(|finger| finger.q().get(joint).copied())
             }
-            Wire::Flexor { finger, joint } => tension(finger, joint).map(|pair| pair.flexor),
-            Wire::Extensor { finger, joint } => tension(finger, joint).map(|pair| pair.extensor),
+            Wire::Actuator { finger, actuator } => {
+                let finger = fingers.get(finger);
+                finger.and_then(|finger| finger.efforts().get(actuator).copied())
+            }
             Wire::Touch { finger } => {
                 let contacts = self.hand.object_contacts();
                 contacts.get(finger).map(|contact| contact.pressing)
@@ -340,9 +330,7 @@ impl Robot {
             time_s: ticks * self.period_s,
             position: fingers.each_ref().map(|finger| (*finger.q()).into()),
             velocity: fingers.each_ref().map(|finger| (*finger.qd()).into()),
-            tension: fingers
-                .each_ref()
-                .map(|finger| finger.tensions().map(|pair| [pair.flexor, pair.extensor])),
+            effort: fingers.each_ref().map(|finger| *finger.efforts()),
             table: self
                 .hand
                 .table()
@@ -454,16 +442,16 @@ impl Robot {
         self.support = None;
     }
 
-    pub(super) fn stick(
-        &mut self,
-        finger: usize,
-        joint: usize,
-        which: PlantTarget,
-    ) -> Result<(), PlantRefusal> {
-        let wire = match which {
-            PlantTarget::Position => Wire::Position { finger, joint },
-            PlantTarget::Flexor => Wire::Flexor { finger, joint },
-            PlantTarget::Extensor => Wire::Extensor { finger, joint },
+    pub(super) fn stick(&mut self, finger: usize, sensor: PlantSensor) -> Result<(), PlantRefusal> {
+        let wire = match sensor {
+            PlantSensor::Position(joint) => Wire::Position {
+                finger,
+                joint: joint as usize,
+            },
+            PlantSensor::Effort(actuator) => Wire::Actuator {
+                finger,
+                actuator: actuator as usize,
+            },
         };
         let counts = self
             .inputs
@@ -477,21 +465,15 @@ impl Robot {
         Ok(())
     }
 
-    pub(super) fn cut(
-        &mut self,
-        finger: usize,
-        joint: usize,
-        which: PlantTarget,
-    ) -> Result<(), PlantRefusal> {
-        if !self.has(|wire| wire == Wire::Position { finger, joint }) {
+    pub(super) fn cut(&mut self, finger: usize, actuator: usize) -> Result<(), PlantRefusal> {
+        let wire = Wire::Actuator { finger, actuator };
+        let mut lines = self.boards.iter().flat_map(|board| &board.lines);
+        if !lines.any(|line| line.wire == wire) {
             return Err(PlantRefusal::NoSuchPart);
         }
-        let pair = part(&mut self.cut, finger, joint).ok_or(PlantRefusal::NoSuchPart)?;
-        match which {
-            PlantTarget::Position => return Err(PlantRefusal::NoSuchPart),
-            PlantTarget::Flexor => pair.flexor = true,
-            PlantTarget::Extensor => pair.extensor = true,
-        }
+        let of_finger = self.cut.get_mut(finger);
+        let cut = of_finger.and_then(|all| all.get_mut(actuator));
+        *cut.ok_or(PlantRefusal::NoSuchPart)? = true;
         Ok(())
     }
 
@@ -501,7 +483,7 @@ impl Robot {
     }
 
     pub(super) fn mend(&mut self) {
-        self.cut = [[Pair::both(false); JOINTS]; FINGERS];
+        self.cut = [[false; ACTUATORS]; FINGERS];
         for sensor in &mut self.inputs {
             sensor.stuck = None;
         }
@@ -522,7 +504,7 @@ impl Robot {
     /// Puts the robot at rest where it began, without a ball and pushes.
     fn restart(&mut self) {
         self.remove_ball();
-        let slack = [Pair::both(0.0); JOINTS];
+        let slack = [0.0; ACTUATORS];
         for (finger, start) in self.hand.fingers_mut().iter_mut().zip(&self.start) {
             // These positions were possible at the beginning.
             let _ = finger.reset(*start, slack);
@@ -536,7 +518,7 @@ impl Robot {
 }
 
 impl OutputBoard {
-    /// Returns the output of its lines in this tick, N.
+    /// Returns the output of its lines in this tick, N or N m.
     fn update<B: SimBoards, S: Bus>(&mut self, bus: &S) -> Result<[f64; LINES], Failure> {
         let told = match B::look(bus, self.number)? {
             BoardEvent::Closed => BoardInput::Closed,
@@ -579,7 +561,7 @@ fn output_boards<B: SimBoards>(
                 continue;
             };
             if let Some(place) = least.get_mut(lines.len()) {
-                *place = least_n(hand, wire);
+                *place = at_rest(hand, wire);
             }
             let full = BoardError::NoChannel { channel };
             let line = Line {
@@ -606,14 +588,13 @@ fn output_boards<B: SimBoards>(
     Ok(boards)
 }
 
-/// The least tension of a tendon; no force of other drives, N.
-fn least_n(hand: &RobotDescription, wire: Wire) -> f64 {
-    let tendon = match wire {
-        Wire::Flexor { finger, joint } => hand.joint(finger, joint).map(|joint| joint.flexor),
-        Wire::Extensor { finger, joint } => hand.joint(finger, joint).map(|joint| joint.extensor),
+/// The effort of an actuator at rest, N or N m; no force of other drives.
+fn at_rest(hand: &RobotDescription, wire: Wire) -> f64 {
+    let actuator = match wire {
+        Wire::Actuator { finger, actuator } => hand.actuator(finger, actuator),
         Wire::Position { .. } | Wire::Touch { .. } | Wire::Axis { .. } => None,
     };
-    tendon.map_or(0.0, |tendon| tendon.min_n)
+    actuator.map_or(0.0, |actuator| actuator.limits().at_rest())
 }
 
 /// The bit of a board.
@@ -652,18 +633,6 @@ fn readers<B: SimBoards>(hand: &RobotDescription) -> [u64; BOARDS] {
     readers
 }
 
-/// A joint's part of what all joints have.
-fn part<T>(
-    all: &mut [TendonPairs<T, JOINTS>; FINGERS],
-    finger: usize,
-    joint: usize,
-) -> Option<&mut Pair<T>>
-where
-    T: Copy,
-{
-    all.get_mut(finger)?.get_mut(joint)
-}
-
 fn is_possible(wrench: &Wrench) -> bool {
     let forces = wrench
         .force
@@ -692,7 +661,7 @@ mod tests {
         // Whole robots are not moved when they are mended.
         let mut moved = begins[0];
         moved[1] += 0.1;
-        let slack = [Pair::both(0.0); JOINTS];
+        let slack = [0.0; ACTUATORS];
         robot.hand.fingers_mut()[0].reset(moved, slack).unwrap();
         robot.mend();
         assert_eq!(*robot.hand.fingers()[0].q(), moved);

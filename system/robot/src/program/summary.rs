@@ -10,13 +10,13 @@ use condor_host::view::View;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Processor, Region};
 
-use crate::{FINGERS, JOINTS, RobotDescription, objects};
+use crate::{ACTUATORS, FINGERS, JOINTS, RobotDescription, objects};
 
 /// Prints the tracking errors of all joints.
 ///
 /// # Errors
 /// Returns an error if the memory of the system cannot be accessed.
-fn print(view: &View, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn Error>> {
+fn print(view: &View, hand: &Hand<FINGERS, JOINTS, ACTUATORS>) -> Result<(), Box<dyn Error>> {
     println!(
         "{:<10} {:<10} {:>10} {:>10}",
         "finger", "joint", "rms deg", "peak deg"
@@ -31,7 +31,7 @@ fn print(view: &View, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn Error>
 }
 
 fn print_joints(
-    finger: &Finger<JOINTS>,
+    finger: &Finger<JOINTS, ACTUATORS>,
     number: usize,
     region: &Region<LinuxWindow>,
 ) -> Result<(), Box<dyn Error>> {
@@ -79,7 +79,7 @@ pub(crate) fn of(
 /// Prints the joint that was farthest from where it was to be in each motion.
 fn print_motions(
     view: &View,
-    hand: &Hand<FINGERS, JOINTS>,
+    hand: &Hand<FINGERS, JOINTS, ACTUATORS>,
     description: &SystemDescription,
 ) -> Result<(), Box<dyn Error>> {
     for processor in &description.processors {

@@ -24,7 +24,7 @@ pub(super) const ALL: [(&str, &str, &str); 7] = [
         "/servo/tick",
         "condor/msg/Tick",
         "float64 period_s # since the last tick, s\n\
-         uint16[52] counts # of each finger: position, flexor, extensor of each joint; force at the tip\n\
+         uint16[52] counts # of each finger: positions, efforts, force at the tip\n\
          uint64 missing # a bit for each input that could not be read\n",
     ),
     (
@@ -67,7 +67,7 @@ pub(super) const ALL: [(&str, &str, &str); 7] = [
     (
         "/servo/done",
         "condor/msg/Done",
-        "uint16[32] counts # of each finger and joint: flexor, extensor\n\
+        "uint16[32] counts # of each finger: its actuators\n\
          uint64 hash # FNV-1a of all outputs so far\n",
     ),
     ("/servo/end", "condor/msg/End", "uint32 ticks\n"),

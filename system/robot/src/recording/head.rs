@@ -6,13 +6,20 @@ use condor_mcap::{McapWriter, NamePairs};
 use embedded_io::Write;
 
 use super::{ServoRecordingError, channel};
-use crate::{FINGERS, JOINTS};
+use crate::{ACTUATORS, FINGERS, JOINTS};
 
 /// The name of the metadata.
 pub(super) const METADATA: &str = "condor-servo";
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
-const NAMES: [&str; 5] = ["version", "processor", "rate_hz", "fingers", "joints"];
+const NAMES: [&str; 6] = [
+    "version",
+    "processor",
+    "rate_hz",
+    "fingers",
+    "joints",
+    "actuators",
+];
 
 /// The metadata before the messages of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,9 +30,10 @@ pub(crate) struct Head {
 
 impl Head {
     /// The numbers, in the order of [`NAMES`].
-    const fn numbers(self) -> [u32; 5] {
-        let (fingers, joints) = (FINGERS as u32, JOINTS as u32);
-        [VERSION, self.processor, self.rate_hz, fingers, joints]
+    const fn numbers(self) -> [u32; NAMES.len()] {
+        let Self { processor, rate_hz } = self;
+        let (fingers, joints, actuators) = (FINGERS as u32, JOINTS as u32, ACTUATORS as u32);
+        [VERSION, processor, rate_hz, fingers, joints, actuators]
     }
 
     /// Begins a file.
@@ -55,12 +63,12 @@ impl Head {
     /// [`ServoRecordingError::Head`] with the first number that is not that of this version.
     pub(super) fn read(pairs: Option<NamePairs<'_>>) -> Result<Self, ServoRecordingError> {
         let number = |name| pairs.and_then(|pairs| pairs.get(name)?.parse().ok());
-        let [version, processor, rate_hz, fingers, joints] = NAMES.map(number);
+        let found = NAMES.map(number);
+        let [_, processor, rate_hz, ..] = found;
         let head = Self {
             processor: processor.unwrap_or(0),
             rate_hz: rate_hz.unwrap_or(0),
         };
-        let found = [version, processor, rate_hz, fingers, joints];
         let all = NAMES.into_iter().zip(found).zip(head.numbers());
         let mut wrong = all.filter(|((_, found), wanted)| *found != Some(*wanted));
         match wrong.next() {

@@ -8,11 +8,11 @@ use nalgebra::Vector3;
 use zerocopy::FromZeros as _;
 
 use crate::recording::{INPUTS_OF_FINGER, Inputs, ServoOutputs, TickInputs};
-use crate::{FINGERS, JOINTS, Mechanism, RobotDescription, joints};
+use crate::{ACTUATORS, Actuators, FINGERS, JOINTS, Mechanism, RobotDescription, joints};
 
 /// The readings of the sensors of a hand's fingers; nothing for fingers of other processors.
 pub(crate) struct HandReadings {
-    pub(crate) sensed: OfFingers<FingerReadings<JOINTS>>,
+    pub(crate) sensed: OfFingers<FingerReadings<JOINTS, ACTUATORS>>,
     pub(crate) joints: HandJoints<FINGERS, JOINTS>,
     pub(crate) inputs: Inputs,
 }
@@ -21,15 +21,15 @@ pub(crate) struct HandReadings {
 pub(crate) type OfFingers<T> = [Option<T>; FINGERS];
 
 /// The controllers of the fingers, which do what they are asked for before each tick.
-pub(crate) trait Servos: FingerControllers<Mechanism, JOINTS> {
+pub(crate) trait Servos: FingerControllers<JOINTS> {
     /// One tick of a finger of the hand; none if the processor does not serve it.
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<JOINTS>,
+        sensed: &FingerReadings<JOINTS, ACTUATORS>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Option<FingerTick<JOINTS>>;
+    ) -> Option<FingerTick<JOINTS, ACTUATORS>>;
 }
 
 /// The servos of a processor, but for their controllers: from counts to counts.
@@ -59,7 +59,7 @@ impl<'r> Control<'r> {
     }
 
     /// The entries of the fingers that are served.
-    fn entries(&self) -> OfFingers<&'r Finger<JOINTS>> {
+    fn entries(&self) -> OfFingers<&'r Finger<JOINTS, ACTUATORS>> {
         let mut entries = [None; FINGERS];
         for ((place, entry), served) in entries.iter_mut().zip(&self.hand.fingers).zip(self.served)
         {
@@ -73,7 +73,7 @@ impl<'r> Control<'r> {
     pub(crate) fn measure(
         &self,
         period_s: f64,
-        controllers: &mut impl FingerControllers<Mechanism, JOINTS>,
+        controllers: &mut impl FingerControllers<JOINTS>,
         mut read: impl FnMut(usize, Channel) -> Option<u32>,
     ) -> HandReadings {
         let mut inputs = Inputs::new_zeroed();
@@ -105,7 +105,7 @@ impl<'r> Control<'r> {
         measured: &HandReadings,
         given: &TickInputs,
         servos: &mut impl Servos,
-    ) -> OfFingers<FingerTick<JOINTS>> {
+    ) -> OfFingers<FingerTick<JOINTS, ACTUATORS>> {
         let gravity = self.gravity(given.acceleration);
         let (joints, period_s) = (&measured.joints, given.period_s);
         self.grasp
@@ -127,22 +127,18 @@ impl<'r> Control<'r> {
     /// Writes the commands of the actuators; `write` takes the counts of each channel.
     pub(crate) fn output(
         &self,
-        ticks: &OfFingers<FingerTick<JOINTS>>,
+        ticks: &OfFingers<FingerTick<JOINTS, ACTUATORS>>,
         mut write: impl FnMut(Channel, u32),
     ) -> ServoOutputs {
         let mut output = ServoOutputs::default();
-        let (counts, _) = output.counts.as_chunks_mut::<{ 2 * JOINTS }>();
-        let (command, _) = output.command.as_chunks_mut::<{ 2 * JOINTS }>();
+        let (counts, _) = output.counts.as_chunks_mut::<ACTUATORS>();
+        let (command, _) = output.command.as_chunks_mut::<ACTUATORS>();
         let fingers = self.entries().into_iter().zip(ticks);
         for ((finger, counts), command) in fingers.zip(counts).zip(command) {
             let (Some(entry), Some(tick)) = finger else {
                 continue;
             };
-            let pairs = tick.output.command.iter();
-            let tensions = pairs.flat_map(|pair| [pair.flexor, pair.extensor]);
-            for (place, tension) in command.iter_mut().zip(tensions) {
-                *place = tension;
-            }
+            *command = tick.output.command;
             let mut kept = counts.iter_mut();
             write_finger(entry, &tick.output.command, |channel, counts| {
                 write(channel, counts);
@@ -167,4 +163,4 @@ impl<'r> Control<'r> {
 }
 
 /// The controllers of the fingers that a processor serves.
-pub(crate) type Controllers = OfFingers<FingerController<Mechanism, JOINTS>>;
+pub(crate) type Controllers = OfFingers<FingerController<Mechanism, Actuators, JOINTS, ACTUATORS>>;

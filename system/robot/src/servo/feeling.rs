@@ -2,11 +2,10 @@
 
 use condor_hand::math::abs;
 use condor_hand::servo::FingerReadings;
-use condor_hand::tendon::MomentArms;
 use zerocopy::FromZeros as _;
 
 use crate::guards::{Felt, Stops};
-use crate::{FINGERS, JOINTS, RobotDescription};
+use crate::{ACTUATORS, Actuators, FINGERS, JOINTS, RobotDescription};
 
 /// The greatest of what fingers felt since a tick of the trajectories ago: in the present stretch of as
 /// many servo ticks, and in the one before.
@@ -55,19 +54,21 @@ impl Feeling {
     pub(super) fn add(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<JOINTS>,
-        arms: &MomentArms<JOINTS>,
+        sensed: &FingerReadings<JOINTS, ACTUATORS>,
+        actuators: &Actuators,
     ) {
-        let torques = arms.torque(&sensed.tension);
+        let torques = actuators.torque(&sensed.effort);
         if let Some(greatest) = self.present.torque.get_mut(finger) {
             for (greatest, &torque) in greatest.iter_mut().zip(&torques) {
                 raise(greatest, abs(torque));
             }
         }
-        if let Some(greatest) = self.present.tension.get_mut(finger) {
-            for (greatest, pair) in greatest.iter_mut().zip(&sensed.tension) {
-                raise(greatest, pair.flexor);
-                raise(greatest, pair.extensor);
+        if let Some(greatest) = self.present.effort.get_mut(finger) {
+            for (actuator, &effort) in sensed.effort.iter().enumerate() {
+                let joint = actuators.joint_of(actuator);
+                if let Some(greatest) = joint.and_then(|joint| greatest.get_mut(joint)) {
+                    raise(greatest, abs(effort));
+                }
             }
         }
         let contact_n = self.contact_n.get(finger);
@@ -85,8 +86,8 @@ impl Feeling {
         };
         let Self { former, .. } = self;
         let torques = felt.torque.iter_mut().zip(&former.torque);
-        let tensions = felt.tension.iter_mut().zip(&former.tension);
-        for (greatest, former) in torques.chain(tensions) {
+        let efforts = felt.effort.iter_mut().zip(&former.effort);
+        for (greatest, former) in torques.chain(efforts) {
             for (greatest, &former) in greatest.iter_mut().zip(former) {
                 raise(greatest, former);
             }
@@ -105,25 +106,24 @@ fn raise(greatest: &mut f64, value: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use condor_hand::tendon::Pair;
     use nalgebra::Vector4;
 
     #[test]
     fn what_lasted_a_tick_is_felt_for_a_tick_of_the_trajectories() {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
         let hand = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
-        let arms = hand.fingers[1].moment_arms().unwrap();
+        let actuators = hand.fingers[1].transmission().unwrap();
         let mut feeling = Feeling::new(&hand, hand.servo_hz);
         let calm = FingerReadings {
             position: Vector4::zeros(),
-            tension: [Pair::both(4.0); JOINTS],
+            effort: [4.0; ACTUATORS],
             touch: 0.0,
         };
         let (mut hit, mut blind) = (calm, calm);
         hit.touch = 0.06;
-        hit.tension[2].extensor = 30.0;
+        hit.effort[5] = 30.0;
         blind.touch = f64::NAN;
-        blind.tension[2] = Pair::both(f64::NAN);
+        blind.effort[4..6].fill(f64::NAN);
         let mut felt = 0;
         for tick in 0..40 {
             feeling.tick();
@@ -132,13 +132,13 @@ mod tests {
                 12 => &blind,
                 _ => &calm,
             };
-            feeling.add(1, sensed, &arms);
+            feeling.add(1, sensed, &actuators);
             let now = feeling.felt(tick);
             let is_felt = now.contacts == 1 << 1;
-            assert_eq!(is_felt, now.tension[1][2] > 29.0, "{now:?}");
+            assert_eq!(is_felt, now.effort[1][2] > 29.0, "{now:?}");
             assert_eq!(is_felt, now.torque[1][2] > 0.2, "{now:?}");
             assert!(!(11..=19).contains(&tick) || is_felt, "tick {tick}");
-            assert!(now.tension[0].iter().all(|&tension| tension < 1e-9));
+            assert!(now.effort[0].iter().all(|&effort| effort < 1e-9));
             felt += u32::from(is_felt);
         }
         assert!((8..=16).contains(&felt), "{felt}");

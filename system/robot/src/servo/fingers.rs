@@ -24,7 +24,7 @@ use crate::message::{FingerRequest, GraspEnd, HandLoop};
 use crate::numbers::NumberPlace;
 use crate::recording::{Recorder, TickInputs};
 use crate::table::Palm;
-use crate::{FINGERS, JOINTS, Mechanism};
+use crate::{ACTUATORS, Actuators, FINGERS, JOINTS, Mechanism};
 
 /// After such a time without one, s, an acceleration of the table counts as over.
 const SILENT_S: f64 = 0.1;
@@ -38,12 +38,12 @@ const TRACKING_TICKS: u64 = 16;
 /// All that happens in a tick of the servo loop.
 pub(super) struct Fingers<'r, M: Machine> {
     pub(super) control: Control<'r>,
-    pub(super) servos: HandLoop<'r, Mechanism, M::Window, FINGERS, JOINTS>,
+    pub(super) servos: HandLoop<'r, Mechanism, Actuators, M::Window, FINGERS, JOINTS, ACTUATORS>,
     pub(super) variables: &'r Variables<'r>,
     pub(super) gains: &'r Gains<'r>,
     pub(super) numbers: &'r ServoNumbers<'r>,
     /// The versions of the gains and numbers that the controllers have.
-    pub(super) tuned: ([u32; 2], [u32; 3]),
+    pub(super) tuned: ([u32; 3], [u32; 4]),
     pub(super) wires: &'r mut dyn Wires,
     pub(super) grasp: GraspEnd<M::Window>,
     pub(super) partners: &'r [Partner<M::Window>],
@@ -132,8 +132,8 @@ impl<M: Machine> Fingers<'_, M> {
 
     fn track(
         &mut self,
-        sensed: &OfFingers<FingerReadings<JOINTS>>,
-        ticks: &OfFingers<FingerTick<JOINTS>>,
+        sensed: &OfFingers<FingerReadings<JOINTS, ACTUATORS>>,
+        ticks: &OfFingers<FingerTick<JOINTS, ACTUATORS>>,
     ) {
         for (finger, (sensed, tick)) in sensed.iter().zip(ticks).enumerate() {
             if let (Some(sensed), Some(tick)) = (sensed, tick) {
@@ -144,14 +144,14 @@ impl<M: Machine> Fingers<'_, M> {
     }
 
     /// Tells the master what guards are about.
-    fn feel(&mut self, sensed: &OfFingers<FingerReadings<JOINTS>>) {
+    fn feel(&mut self, sensed: &OfFingers<FingerReadings<JOINTS, ACTUATORS>>) {
         let mut stops = Stops::none();
         self.feeling.tick();
         for (finger, sensed) in sensed.iter().enumerate() {
             let (Some(sensed), Some(controller)) = (sensed, self.servos.controller(finger)) else {
                 continue;
             };
-            self.feeling.add(finger, sensed, controller.arms());
+            self.feeling.add(finger, sensed, controller.linear());
             for joint in 0..JOINTS {
                 if let Some(stop) = controller.stop(joint) {
                     stops.add(finger, joint, stop);
@@ -201,12 +201,12 @@ impl<M: Machine> Fingers<'_, M> {
 
 /// The controllers, which messages tell what to do.
 struct FingerCommands<'t, 'r, W> {
-    servos: &'t mut HandLoop<'r, Mechanism, W, FINGERS, JOINTS>,
+    servos: &'t mut HandLoop<'r, Mechanism, Actuators, W, FINGERS, JOINTS, ACTUATORS>,
     recorder: Option<&'t mut Recorder<'r, W>>,
 }
 
 impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
-    /// Sets the gains of the joints that have changed.
+    /// Sets the gains of the joints and actuators that have changed.
     #[cold]
     fn tune(&mut self, tuned: &Gains<'_>) {
         let mut place = 0;
@@ -224,6 +224,18 @@ impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
                     && let Some(recorder) = &mut self.recorder
                 {
                     recorder.request(finger, &FingerRequest::Gains { joint, gains });
+                }
+            }
+            for actuator in 0..ACTUATORS {
+                let Some(gains) = tuned.of_actuator(place, actuator) else {
+                    continue;
+                };
+                if controller.effort_gains(actuator) != Some(&gains)
+                    && controller.set_effort_gains(actuator, &gains).is_ok()
+                    && let Some(recorder) = &mut self.recorder
+                {
+                    let request = FingerRequest::EffortGains { actuator, gains };
+                    recorder.request(finger, &request);
                 }
             }
             place += 1;
@@ -252,6 +264,26 @@ impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
                 recorder.request(finger, &request);
             }
         }
+        for (place, value) in numbers.actuators.present() {
+            let NumberPlace::Actuator(finger, actuator, number) = place else {
+                continue;
+            };
+            let (finger, actuator) = (usize::from(finger), usize::from(actuator));
+            if let Some(controller) = self.servos.controller_mut(finger)
+                && controller.actuator_number(actuator, number) != Some(value)
+                && controller
+                    .set_actuator_number(actuator, number, value)
+                    .is_ok()
+                && let Some(recorder) = &mut self.recorder
+            {
+                let request = FingerRequest::ActuatorNumber {
+                    actuator,
+                    number,
+                    value,
+                };
+                recorder.request(finger, &request);
+            }
+        }
         for (number, value) in numbers.faults() {
             for finger in 0..FINGERS {
                 if let Some(controller) = self.servos.controller_mut(finger)
@@ -266,8 +298,10 @@ impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
     }
 }
 
-impl<W: MemoryWindow> FingerControllers<Mechanism, JOINTS> for FingerCommands<'_, '_, W> {
-    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<Mechanism, JOINTS>> {
+impl<W: MemoryWindow> FingerControllers<JOINTS> for FingerCommands<'_, '_, W> {
+    type Controller = FingerController<Mechanism, Actuators, JOINTS, ACTUATORS>;
+
+    fn of_finger(&mut self, finger: usize) -> Option<&mut Self::Controller> {
         self.servos.controller_mut(finger)
     }
 }
@@ -276,10 +310,10 @@ impl<W: MemoryWindow> Servos for FingerCommands<'_, '_, W> {
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<JOINTS>,
+        sensed: &FingerReadings<JOINTS, ACTUATORS>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Option<FingerTick<JOINTS>> {
+    ) -> Option<FingerTick<JOINTS, ACTUATORS>> {
         let Some(recorder) = &mut self.recorder else {
             return self.servos.tick(finger, sensed, gravity, period_s);
         };

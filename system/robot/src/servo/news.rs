@@ -2,8 +2,8 @@
 
 use core::fmt::Arguments;
 
+use condor_hand::fault::FingerFault;
 use condor_hand::grasp::distributed::{GraspReason, GraspState};
-use condor_hand::tendon::fault::FingerFault;
 
 use crate::{FINGERS, RobotDescription};
 

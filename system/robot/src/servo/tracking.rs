@@ -5,7 +5,7 @@ use condor_hand::math::{abs, max, sqrt};
 use condor_vars::cell_struct;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::{FINGERS, JOINTS};
+use crate::{ACTUATORS, FINGERS, JOINTS};
 
 /// The time for which a joint settles after its position is controlled, before it counts as following, s.
 const SETTLING_S: f64 = 0.5;
@@ -85,7 +85,7 @@ pub(super) struct Tracker {
 
 impl Tracker {
     /// Before the first tick of a hand's fingers, of a loop at this rate.
-    pub(super) fn new(fingers: &[Finger<JOINTS>], rate_hz: u32) -> Self {
+    pub(super) fn new(fingers: &[Finger<JOINTS, ACTUATORS>], rate_hz: u32) -> Self {
         let mut free = [[(0.0, 0.0); JOINTS]; FINGERS];
         for (finger, free) in fingers.iter().zip(&mut free) {
             for (joint, free) in finger.joints.iter().zip(free) {

@@ -5,30 +5,34 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use condor_hand::config::Finger;
 use condor_hand::controller::FingerTick;
+use condor_hand::fault::FaultCode;
 use condor_hand::servo::FingerReadings;
-use condor_hand::tendon::fault::FaultCode;
 use condor_vars::{ValueKind, VarDescription, Watch};
 
 use super::ServedFingers;
 use super::control::OfFingers;
-use crate::{FINGERS, JOINTS};
+use crate::{ACTUATORS, FINGERS, JOINTS};
 
 /// The variables of each joint: name, unit and description.
-const JOINT: [(&str, &str, &str); 11] = [
+const JOINT: [Names; 5] = [
     ("position", "rad", "Filtered position."),
     ("velocity", "rad/s", "The rate of the filtered position."),
     ("target", "rad", "NaN where positions are not controlled."),
-    ("torque", "N m", "Torque of the desired tensions."),
+    ("torque", "N m", "Torque of the desired efforts."),
     ("error", "rad", "Target less position."),
-    ("flexor.tension", "N", "Measured tension."),
-    ("flexor.desired", "N", "Desired tension."),
-    ("flexor.command", "N", "Command to the actuator."),
-    ("extensor.tension", "N", "Measured tension."),
-    ("extensor.desired", "N", "Desired tension."),
-    ("extensor.command", "N", "Command to the actuator."),
 ];
-/// The variables of each finger, after those of its joints.
-const FINGER: [(&str, &str, &str); 3] = [
+/// The variables of each actuator, after those of the joints.
+const ACTUATOR: [Names; 3] = [
+    (
+        "effort",
+        "N",
+        "Measured effort, N or N m; the desired one without a sensor.",
+    ),
+    ("desired", "N", "Desired effort, N or N m."),
+    ("command", "N", "Command to the actuator, N or N m."),
+];
+/// The variables of each finger, after those of its actuators.
+const FINGER: [Names; 3] = [
     (
         "touch",
         "N",
@@ -37,7 +41,7 @@ const FINGER: [(&str, &str, &str); 3] = [
     (
         "saturated",
         "",
-        "A bit for each joint whose tendons cannot give the torque that it needs.",
+        "A bit for each joint whose actuators cannot give the torque that it needs.",
     ),
     (
         FAULT,
@@ -56,9 +60,12 @@ const FAULTS: [&str; FaultCode::ALL.len() + 1] = {
     }
     names
 };
-const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
+const OF_FINGER: usize = JOINTS * JOINT.len() + ACTUATORS * ACTUATOR.len() + FINGER.len();
 
-/// The variables of the servo loop about its fingers, under names such as `index.proximal.flexor.tension`.
+type Names = (&'static str, &'static str, &'static str);
+
+/// The variables of the servo loop about its fingers, under names such as `index.proximal.torque` and
+/// `index.proximal-flexor.effort`.
 pub(super) struct Variables<'h> {
     fingers: ServedFingers<'h>,
     words: [AtomicU32; FINGERS * OF_FINGER],
@@ -75,15 +82,23 @@ impl<'h> Variables<'h> {
     /// Shows what the fingers felt and did in a tick.
     pub(super) fn show(
         &self,
-        sensed: &OfFingers<FingerReadings<JOINTS>>,
-        ticks: &OfFingers<FingerTick<JOINTS>>,
+        sensed: &OfFingers<FingerReadings<JOINTS, ACTUATORS>>,
+        ticks: &OfFingers<FingerTick<JOINTS, ACTUATORS>>,
     ) {
         let served = sensed.iter().zip(ticks);
         let served = served.filter_map(|(sensed, tick)| sensed.as_ref().zip(tick.as_ref()));
         let mut words = self.words.iter();
         for (finger, (sensed, tick)) in self.fingers.iter().zip(served) {
             for joint in 0..finger.joints.len() {
-                let values = of_joint(joint, sensed, tick).unwrap_or([f64::NAN; JOINT.len()]);
+                let values = of_joint(joint, tick).unwrap_or([f64::NAN; JOINT.len()]);
+                for (value, word) in values.into_iter().zip(words.by_ref()) {
+                    word.store((value as f32).to_bits(), Relaxed);
+                }
+            }
+            for (actuator, entry) in finger.actuators.iter().enumerate() {
+                let is_sensed = entry.adc.is_some();
+                let values = of_actuator(actuator, is_sensed, sensed, tick);
+                let values = values.unwrap_or([f64::NAN; ACTUATOR.len()]);
                 for (value, word) in values.into_iter().zip(words.by_ref()) {
                     word.store((value as f32).to_bits(), Relaxed);
                 }
@@ -98,51 +113,63 @@ impl<'h> Variables<'h> {
     }
 
     /// Returns the finger of a variable, and the part of it that the variable is about.
-    fn part(&self, mut index: usize) -> Option<(&'h Finger<JOINTS>, Part)> {
+    fn part(&self, mut index: usize) -> Option<(&'h Finger<JOINTS, ACTUATORS>, Part)> {
         for finger in &self.fingers {
             let of_joints = finger.joints.len() * JOINT.len();
             if index < of_joints {
                 let joint = Part::Joint(index / JOINT.len(), JOINT.get(index % JOINT.len())?);
                 return Some((finger, joint));
             }
-            if let Some(of_finger) = FINGER.get(index - of_joints) {
+            index -= of_joints;
+            let of_actuators = finger.actuators.len() * ACTUATOR.len();
+            if index < of_actuators {
+                let name = ACTUATOR.get(index % ACTUATOR.len())?;
+                return Some((finger, Part::Actuator(index / ACTUATOR.len(), name)));
+            }
+            index -= of_actuators;
+            if let Some(of_finger) = FINGER.get(index) {
                 return Some((finger, Part::Finger(of_finger)));
             }
-            index -= variables_of(finger);
+            index -= FINGER.len();
         }
         None
     }
 }
 
-/// Returns the number of variables of a finger and its joints.
-fn variables_of(finger: &Finger<JOINTS>) -> usize {
-    finger.joints.len() * JOINT.len() + FINGER.len()
+/// Returns the number of variables of a finger, its joints and its actuators.
+fn variables_of(finger: &Finger<JOINTS, ACTUATORS>) -> usize {
+    let of_joints = finger.joints.len() * JOINT.len();
+    of_joints + finger.actuators.len() * ACTUATOR.len() + FINGER.len()
 }
 
 /// In the order of [`JOINT`]; `None` for a joint that there is not.
-fn of_joint(
-    joint: usize,
-    sensed: &FingerReadings<JOINTS>,
-    tick: &FingerTick<JOINTS>,
-) -> Option<[f64; JOINT.len()]> {
+fn of_joint(joint: usize, tick: &FingerTick<JOINTS, ACTUATORS>) -> Option<[f64; JOINT.len()]> {
     let output = &tick.output;
     let position = *output.position.get(joint)?;
     let target = tick.target.get(joint)?.unwrap_or(f64::NAN);
-    let (tension, desired) = (sensed.tension.get(joint)?, output.tension.get(joint)?);
-    let command = output.command.get(joint)?;
     Some([
         position,
         *output.velocity.get(joint)?,
         target,
         *output.torque.get(joint)?,
         target - position,
-        tension.flexor,
-        desired.flexor,
-        command.flexor,
-        tension.extensor,
-        desired.extensor,
-        command.extensor,
     ])
+}
+
+/// In the order of [`ACTUATOR`]; `None` for an actuator that there is not.
+fn of_actuator(
+    actuator: usize,
+    is_sensed: bool,
+    sensed: &FingerReadings<JOINTS, ACTUATORS>,
+    tick: &FingerTick<JOINTS, ACTUATORS>,
+) -> Option<[f64; ACTUATOR.len()]> {
+    let desired = *tick.output.effort.get(actuator)?;
+    let effort = if is_sensed {
+        *sensed.effort.get(actuator)?
+    } else {
+        desired
+    };
+    Some([effort, desired, *tick.output.command.get(actuator)?])
 }
 
 impl Watch for Variables<'_> {
@@ -155,9 +182,9 @@ impl Watch for Variables<'_> {
         let (kind, unit, about) = match self.part(index)?.1 {
             Part::Finger(&(FAULT, unit, about)) => (ValueKind::Choice, unit, about),
             Part::Finger(&(_, "", about)) => (ValueKind::U32, "", about),
-            Part::Joint(_, &(_, unit, about)) | Part::Finger(&(_, unit, about)) => {
-                (ValueKind::F32, unit, about)
-            }
+            Part::Joint(_, &(_, unit, about))
+            | Part::Actuator(_, &(_, unit, about))
+            | Part::Finger(&(_, unit, about)) => (ValueKind::F32, unit, about),
         };
         Some(VarDescription {
             kind,
@@ -178,6 +205,10 @@ impl Watch for Variables<'_> {
                 let joint = finger.joints.get(joint).ok_or(fmt::Error)?;
                 write!(to, "{}.{}.{name}", finger.name, joint.name)
             }
+            Part::Actuator(actuator, (name, ..)) => {
+                let actuator = finger.actuators.get(actuator).ok_or(fmt::Error)?;
+                write!(to, "{}.{}.{name}", finger.name, actuator.name)
+            }
             Part::Finger((name, ..)) => write!(to, "{}.{name}", finger.name),
         }
     }
@@ -185,8 +216,9 @@ impl Watch for Variables<'_> {
 
 /// The part of its finger that a variable is about.
 enum Part {
-    Joint(usize, &'static (&'static str, &'static str, &'static str)),
-    Finger(&'static (&'static str, &'static str, &'static str)),
+    Joint(usize, &'static Names),
+    Actuator(usize, &'static Names),
+    Finger(&'static Names),
 }
 
 #[cfg(test)]
@@ -209,15 +241,15 @@ mod tests {
                     _ => ValueKind::F32,
                 };
                 assert_eq!(described.kind, kind, "{name}");
-                let label = described.labels.get(FaultCode::Slack as usize + 1);
+                let label = described.labels.get(FaultCode::Stuck as usize + 1);
                 assert_eq!(
-                    label.is_some_and(|it| *it == "slack"),
+                    label.is_some_and(|it| *it == "stuck"),
                     kind == ValueKind::Choice
                 );
                 name
             })
             .collect();
-        assert_eq!(names[18], "index.proximal.flexor.command");
+        assert_eq!(names[4 * 5 + 2 * 3 + 2], "index.proximal-flexor.command");
         assert_eq!(names[OF_FINGER - 1], "index.fault");
         assert_eq!(names[OF_FINGER], "middle.abduction.position");
         assert!((1..names.len()).all(|index| !names[..index].contains(&names[index])));
@@ -227,7 +259,8 @@ mod tests {
     #[test]
     fn short_fingers_have_variables_of_their_joints_alone() {
         let robot = crate::joints::short();
-        let (joint, finger) = (JOINT.len(), FINGER.len());
+        // Each joint has two actuators.
+        let (joint, finger) = (JOINT.len() + 2 * ACTUATOR.len(), FINGER.len());
         for (processor, names) in [
             (
                 1,

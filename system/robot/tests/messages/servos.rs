@@ -6,11 +6,11 @@ use std::time::Duration;
 
 use condor_hand::config::Hand;
 use condor_hand::controller::FingerController;
+use condor_hand::fault::{FaultCode, FaultSite};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::{FingerReadings, JointTarget, ServoMode, ServoRefusal, TargetQuantity};
-use condor_hand::tendon::Pair;
-use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::trajectory::{SetPoint, StopGuard};
+use condor_hand::transmission::Linear;
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{
@@ -31,10 +31,10 @@ const SECOND: Duration = Duration::from_secs(1);
 const PERIOD_S: f64 = 1.0 / 400.0;
 const DATA_BYTES: u32 = 8192;
 
-type Servos = HandLoop<'static, PlanarFinger, SimWindow, 2, 4>;
+type Servos = HandLoop<'static, PlanarFinger, Linear<4, 8>, SimWindow, 2, 4, 8>;
 type Client<'m> = ServoClient<'m, SimMailbox<'static, 2>, SimWindow, 2, 4>;
 
-fn hand() -> Hand<4, 4> {
+fn hand() -> Hand<4, 4, 8> {
     let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
     let mut hand = Hand::from_toml(text, "hands/utah-mit.toml").unwrap();
     // The sensors of these tests stay where they are.
@@ -42,10 +42,10 @@ fn hand() -> Hand<4, 4> {
     hand
 }
 
-fn sensed() -> FingerReadings<4> {
+fn sensed() -> FingerReadings<4, 8> {
     FingerReadings {
         position: Vector4::new(0.1, 0.6, 0.8, 0.7),
-        tension: [Pair::both(4.0); 4],
+        effort: [4.0; 8],
         touch: 0.0,
     }
 }
@@ -54,18 +54,18 @@ fn sensed() -> FingerReadings<4> {
 struct Rig {
     system: SimSystem<2>,
     layout: ServoLayout<2, 4>,
-    fingers: Arc<Mutex<(Servos, [FingerReadings<4>; 2])>>,
+    fingers: Arc<Mutex<(Servos, [FingerReadings<4, 8>; 2])>>,
     /// In virtual time: whether the loop runs while the master waits.
     ticking: Arc<AtomicBool>,
     master: SimMailbox<'static, 2>,
 }
 
-fn tick(fingers: &Mutex<(Servos, [FingerReadings<4>; 2])>) {
+fn tick(fingers: &Mutex<(Servos, [FingerReadings<4, 8>; 2])>) {
     let (servos, sensed) = &mut *fingers.lock().unwrap();
     for (finger, sensed) in sensed.iter_mut().enumerate() {
         let gravity = Vector3::new(0.0, 0.0, -9.81);
         let tick = servos.tick(finger, sensed, &gravity, PERIOD_S).unwrap();
-        sensed.tension = tick.output.tension;
+        sensed.effort = tick.output.effort;
     }
 }
 
@@ -84,7 +84,8 @@ impl Rig {
         );
         let controllers = [0, 1].map(|finger| {
             let finger = &hand.fingers[finger];
-            Some(FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap())
+            let (planar, actuators) = (finger.planar().unwrap(), finger.transmission().unwrap());
+            Some(FingerController::new(&hand, finger, planar, actuators).unwrap())
         });
         let object = Box::leak(Box::new(ServoObject::new()));
         let (handler, servos) = object
@@ -212,10 +213,7 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
             stiffness: 0.05,
             damping: 0.0,
         },
-        JointTarget::Tension(Pair {
-            flexor: 12.0,
-            extensor: 9.0,
-        }),
+        JointTarget::Effort,
         JointTarget::Off,
     ] {
         client.set_target(0, 1, &target, SECOND).unwrap();
@@ -244,11 +242,6 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
     let refused = client.set_target(0, 1, &JointTarget::Torque(1e3), SECOND);
     assert!(
         matches!(refused, Err(ClientError::Refused(ServoRefusal::Target { value, quantity: TargetQuantity::Torque, .. })) if value > 999.0),
-        "{refused:?}"
-    );
-    let refused = client.set_target(0, 1, &JointTarget::Tension(Pair::both(1e3)), SECOND);
-    assert!(
-        matches!(refused, Err(ClientError::Refused(ServoRefusal::Target { value, quantity: TargetQuantity::Tension, .. })) if value > 999.0),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(f64::NAN), SECOND);
@@ -337,7 +330,7 @@ fn an_order_that_another_one_replaced_says_so() {
         })
     };
     let first = order(Some(1), ServoMode::Torque);
-    let second = order(None, ServoMode::Tension);
+    let second = order(None, ServoMode::Effort);
     assert_eq!(second, first + 1);
     for number in [first, second] {
         assert_eq!(outcome(Some(1), number), ServoResponse::Pending);
@@ -345,7 +338,41 @@ fn an_order_that_another_one_replaced_says_so() {
     rig.ticks(1);
     assert_eq!(outcome(Some(1), first), ServoResponse::Superseded);
     assert_eq!(outcome(None, second), ServoResponse::Done);
-    assert_eq!(rig.modes(0), [ServoMode::Tension; 4]);
+    assert_eq!(rig.modes(0), [ServoMode::Effort; 4]);
+}
+
+#[test]
+fn an_effort_is_that_of_one_actuator_of_its_joint() {
+    let rig = Rig::in_virtual_time();
+    let mut client = rig.client();
+    client.set_effort(0, 1, (2, 12.0), SECOND).unwrap();
+    client.set_effort(0, 1, (3, 9.0), SECOND).unwrap();
+    assert_eq!(rig.modes(0)[1], ServoMode::Effort);
+    // The change takes a tenth of a second.
+    rig.ticks(50);
+    let efforts = rig.fingers.lock().unwrap().1[0].effort;
+    assert_eq!(efforts[..4], [4.0, 4.0, 12.0, 9.0]);
+    let refused = client.set_effort(0, 1, (2, 1e3), SECOND);
+    assert_eq!(
+        refused,
+        Err(ClientError::Refused(ServoRefusal::Effort {
+            actuator: 2,
+            value: 1e3,
+            low: 4.0,
+            high: 130.0
+        }))
+    );
+    for (joint, actuator) in [(0, 2), (1, 9), (1, u32::MAX)] {
+        let refused = client.set_effort(0, joint, (actuator, 9.0), SECOND);
+        assert_eq!(
+            refused,
+            Err(ClientError::Refused(ServoRefusal::NoActuator {
+                actuator,
+                actuators: 8
+            }))
+        );
+    }
+    assert_eq!(rig.modes(0)[0], ServoMode::Off);
 }
 
 #[test]
@@ -419,7 +446,8 @@ fn places_that_are_not_there_are_errors() {
     let hand = hand();
     let controllers = [0, 1].map(|finger| {
         let finger = &hand.fingers[finger];
-        Some(FingerController::new(&hand, finger, finger.chain()).unwrap())
+        let actuators = finger.transmission().unwrap();
+        Some(FingerController::new(&hand, finger, finger.chain(), actuators).unwrap())
     });
     let identity = HandIdentity::new("a", ["b", "c"], 400);
     let split = object.split(
@@ -464,10 +492,7 @@ fn request() -> impl Strategy<Value = ServoRequest> {
             JointTarget::Off,
             JointTarget::Torque(a),
             JointTarget::Grasp(a),
-            JointTarget::Tension(Pair {
-                flexor: a,
-                extensor: b,
-            }),
+            JointTarget::Effort,
             JointTarget::Position(SetPoint {
                 position: a,
                 velocity: b,
@@ -494,6 +519,14 @@ fn request() -> impl Strategy<Value = ServoRequest> {
             finger,
             joint,
             target,
+        }),
+        (number(), number(), number(), size()).prop_map(|(finger, joint, actuator, effort)| {
+            ServoRequest::Effort {
+                finger,
+                joint,
+                actuator,
+                effort,
+            }
         }),
         (number(), part, number()).prop_map(|(finger, part, order)| ServoRequest::Outcome {
             finger,
@@ -550,10 +583,8 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
         }
         rig.ticks(1);
         let sensed = rig.fingers.lock().unwrap().1;
-        for pair in sensed.iter().flat_map(|sensed| sensed.tension) {
-            for tension in [pair.flexor, pair.extensor] {
-                prop_assert!((0.0..=1000.0).contains(&tension));
-            }
+        for effort in sensed.iter().flat_map(|sensed| sensed.effort) {
+            prop_assert!((0.0..=1000.0).contains(&effort));
         }
     });
     assert!(refused.into_inner() > 20);
@@ -582,7 +613,7 @@ fn threads_give_orders_while_the_loop_runs() {
             let mut client = rig.client();
             for round in 0..50_u32 {
                 let mode =
-                    [ServoMode::Torque, ServoMode::Tension, ServoMode::Off][round as usize % 3];
+                    [ServoMode::Torque, ServoMode::Effort, ServoMode::Off][round as usize % 3];
                 client.enable(round % 2, None, mode, LONG).unwrap();
                 let status = client.status(round % 2, LONG).unwrap();
                 assert_eq!(status.modes.as_slice(), [mode; 4]);

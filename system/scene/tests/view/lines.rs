@@ -4,7 +4,7 @@ use condor_scene::HandView;
 use nalgebra::{SVector, Vector3};
 use proptest::prelude::*;
 
-use crate::utah_mit;
+use crate::{utah_mit, with_motors};
 
 fn line<'l>(lines: &'l [RobotLine], name: &str) -> &'l RobotLine {
     let found = lines.iter().find(|line| line.name == name);
@@ -22,12 +22,40 @@ fn there_is_a_line_for_the_palm_each_finger_and_each_tendon() {
     let lines = HandView::new(&utah_mit()).lines(&[]);
     assert_eq!(lines.len(), 1 + 4 + 32);
     assert_eq!(line(&lines, "palm").points.len(), 6);
-    let tendon = line(&lines, "ring.middle.extensor");
+    let tendon = line(&lines, "ring.middle-extensor");
     assert_eq!(
-        tendon.tension.as_deref(),
-        Some("ring.middle.extensor.tension")
+        tendon.effort.as_deref(),
+        Some("ring.middle-extensor.effort")
     );
-    assert_eq!(line(&lines, "thumb").tension, None);
+    assert_eq!(line(&lines, "thumb").effort, None);
+}
+
+/// Where an actuator is in the list says nothing, and one that can push is no tendon.
+#[test]
+fn tendons_are_actuators_that_only_pull_in_any_order() {
+    let names = |hand| {
+        let lines = HandView::new(&hand).lines(&[]).into_iter();
+        let names = lines.filter(|line| line.effort.is_some());
+        names.map(|line| line.name).collect::<Vec<_>>()
+    };
+    let names_with_motors = names(with_motors());
+    assert_eq!(names_with_motors.len(), 24);
+    assert!(names_with_motors.iter().all(|it| !it.starts_with("index.")));
+    let mut hand = utah_mit();
+    hand.fingers[0].actuators.reverse();
+    hand.fingers[0].actuators[7].limits.low = -4.0;
+    let all = names(hand.clone());
+    assert_eq!(all.len(), 31);
+    assert_eq!(
+        all[..2],
+        ["index.distal-extensor", "index.distal-flexor"].map(str::to_owned)
+    );
+    assert!(!all.contains(&"index.abduction-flexor".to_owned()));
+    let lines = HandView::new(&hand).lines(&[0.3; 16]);
+    let others = HandView::new(&utah_mit()).lines(&[0.3; 16]);
+    for name in &all {
+        assert_eq!(line(&lines, name), line(&others, name));
+    }
 }
 
 proptest! {
@@ -49,7 +77,7 @@ fn flexors_become_shorter_where_extensors_become_longer() {
     let view = HandView::new(&utah_mit());
     let lengths = |positions: &[f64], name: &str| {
         let lines = view.lines(positions);
-        ["flexor", "extensor"].map(|side| length(line(&lines, &format!("{name}.{side}"))))
+        ["flexor", "extensor"].map(|side| length(line(&lines, &format!("{name}-{side}"))))
     };
     let straight = [0.1; 16];
     for (joint, name) in view.joints().iter().map(|joint| &joint.name).enumerate() {

@@ -8,9 +8,9 @@ mod urdf;
 
 use std::sync::LazyLock;
 
-use condor_hand::config::Hand;
+use condor_hand::config::{EffortFaults, EffortRange, Hand};
 
-type UtahMit = Hand<4, 4>;
+type UtahMit = Hand<4, 4, 8>;
 
 fn utah_mit() -> UtahMit {
     static HAND: LazyLock<UtahMit> = LazyLock::new(|| {
@@ -18,6 +18,34 @@ fn utah_mit() -> UtahMit {
         UtahMit::from_toml(text, "utah-mit.toml").unwrap()
     });
     HAND.clone()
+}
+
+/// The hand with motors at the joints of its first finger: they pull and push, and the joint of the last one has two.
+fn with_motors() -> UtahMit {
+    let mut hand = utah_mit();
+    let finger = &mut hand.fingers[0];
+    let model = finger.actuators[0].clone();
+    finger.actuators.clear();
+    for (name, joint, arm) in [
+        ("spread", "abduction", 20.0),
+        ("bend", "proximal", -30.0),
+        ("assist", "distal", 10.0),
+        ("curl", "middle", 20.0),
+        ("nip", "distal", 15.0),
+    ] {
+        let mut motor = model.clone();
+        motor.name = name.try_into().unwrap();
+        motor.arms.clear();
+        motor.arms.insert(joint.try_into().unwrap(), arm).unwrap();
+        motor.limits = EffortRange {
+            low: -0.125,
+            high: 0.0625,
+            bias: None,
+        };
+        motor.faults = EffortFaults::default();
+        finger.actuators.push(motor).unwrap();
+    }
+    hand
 }
 
 /// A gripper whose fingers are chains, one with a sliding joint and all of them with axes of their own.

@@ -13,7 +13,7 @@ use condor_scene::HandView;
 use nalgebra::{SVector, Vector3, Vector4};
 use proptest::prelude::*;
 
-use crate::{UtahMit, gripper, utah_mit};
+use crate::{UtahMit, gripper, utah_mit, with_motors};
 
 /// The tip of a finger, as the kinematics say.
 fn tip(hand: &UtahMit, finger: usize, positions: &[f64]) -> Vector3<f64> {
@@ -254,7 +254,7 @@ fn a_plan_has_what_the_dynamics_say() {
         Vector4::from_fn(|joint, _| values(&plan.joints[joint])[tick])
     };
     let finger = &hand.fingers[0];
-    let (planar, arms) = (finger.planar().unwrap(), finger.moment_arms().unwrap());
+    let (planar, arms) = (finger.planar().unwrap(), finger.transmission().unwrap());
     for tick in [0, 7, 13, 25] {
         let (q, rate) = (at(|it| &it.position, tick), at(|it| &it.velocity, tick));
         let acceleration = at(|it| &it.acceleration, tick);
@@ -266,14 +266,13 @@ fn a_plan_has_what_the_dynamics_say() {
         let torque = at(|it| &it.torque, tick);
         assert!((torque - expected).amax() < 1e-12, "{torque} {expected}");
         // The tensions give that torque, within their limits.
-        let pair = |joint: usize| {
-            let tension = |it: usize| plan.joints[joint].tendons[it].tension[tick];
-            condor_hand::tendon::Pair {
-                flexor: tension(0),
-                extensor: tension(1),
-            }
+        let tension = |number: usize| {
+            let actuator = &plan.joints[number / 2].actuators[number % 2];
+            let tension = actuator.effort[tick];
+            assert!((4.0..=130.0).contains(&tension), "{tension}");
+            tension
         };
-        let given = arms.torque(&std::array::from_fn(pair));
+        let given = arms.torque(&std::array::from_fn(tension));
         assert!((given - torque).amax() < 1e-12, "{given}");
     }
     assert_eq!((plan.overloads.len(), plan.events.len()), (0, 2));
@@ -284,10 +283,8 @@ fn a_plan_has_what_the_dynamics_say() {
 #[test]
 fn weak_tendons_are_overloaded_where_and_when_the_motion_is_too_much() {
     let mut hand = utah_mit();
-    for joint in &mut hand.fingers[0].joints {
-        for tendon in [&mut joint.flexor, &mut joint.extensor] {
-            (tendon.max_n, tendon.bias_n) = (6.5, None);
-        }
+    for tendon in &mut hand.fingers[0].actuators {
+        (tendon.limits.high, tendon.limits.bias) = (6.5, None);
     }
     let view = HandView::new(&hand);
     let from = view.moved(&[]).positions;
@@ -318,7 +315,7 @@ fn weak_tendons_are_overloaded_where_and_when_the_motion_is_too_much() {
     };
     for at_s in [proximal.from_s, proximal.to_s] {
         let tick = tick(at_s);
-        let is_full = joint.tendons.iter().any(|it| it.tension[tick] == 6.5);
+        let is_full = joint.actuators.iter().any(|it| it.effort[tick] == 6.5);
         assert!(is_full, "{at_s}");
     }
     assert!(
@@ -326,6 +323,74 @@ fn weak_tendons_are_overloaded_where_and_when_the_motion_is_too_much() {
             .iter()
             .all(|it| it.joint.starts_with("index."))
     );
+}
+
+/// Each actuator is listed once, at the last joint that it moves.
+#[test]
+fn motors_have_the_efforts_of_their_torques_and_the_parts_of_their_limits() {
+    let hand = with_motors();
+    let view = HandView::new(&hand);
+    let from = view.moved(&[]).positions;
+    let plan = view.plan(&from, OPEN, "open").unwrap();
+    let names = |joint: usize| {
+        let actuators = plan.joints[joint].actuators.iter();
+        actuators.map(|it| it.name.as_str()).collect::<Vec<_>>()
+    };
+    assert_eq!(names(0), ["index.spread"]);
+    assert_eq!(names(1), ["index.bend"]);
+    assert_eq!(names(2), ["index.curl"]);
+    assert_eq!(names(3), ["index.assist", "index.nip"]);
+    let [proximal, distal] = [1, 3].map(|joint| &plan.joints[joint]);
+    let bend = &proximal.actuators[0];
+    assert_eq!(bend.limits, [-0.125, 0.0625]);
+    // An arm below 0 turns the limits.
+    assert_eq!(proximal.torque_limits, [-30.0 * 0.0625, 30.0 * 0.125]);
+    for (effort, torque) in bend.effort.iter().zip(&proximal.torque) {
+        assert!((-30.0 * effort - torque).abs() < 1e-12);
+    }
+    // The two of the distal joint share its torque.
+    let [assist, nip] = [0, 1].map(|it| &distal.actuators[it].effort);
+    for ((assist, nip), torque) in assist.iter().zip(nip).zip(&distal.torque) {
+        assert!((10.0 * assist + 15.0 * nip - torque).abs() < 1e-12);
+        assert!((assist / 10.0 - nip / 15.0).abs() < 1e-12);
+    }
+    // Both hold their links up, the one of them with efforts above 0 and the other with those below it.
+    for (joint, limit, sign) in [(1, 0.0625, 1.0), (2, -0.125, -1.0)] {
+        let joint = &plan.joints[joint];
+        let efforts = &joint.actuators[0].effort;
+        assert!(efforts.iter().all(|it| it * sign > 0.0));
+        let peaks = joint.peaks();
+        let parts = efforts.iter().map(|it| it / limit);
+        assert_eq!(peaks.effort, parts.reduce(f64::max));
+        assert!((peaks.effort.unwrap() - peaks.torque).abs() < 1e-9);
+    }
+    assert!(plan.overloads.is_empty());
+}
+
+/// A joint that nothing moves is overloaded by any torque, to either side.
+#[test]
+fn a_joint_without_actuators_has_no_torque() {
+    let mut hand = with_motors();
+    hand.fingers[0].actuators.remove(0);
+    let view = HandView::new(&hand);
+    let from = view.moved(&[]).positions;
+    let to = |position: f64| {
+        let motion = OPEN.replace("proximal\" = 0.5", &format!("abduction\" = {position}"));
+        view.plan(&from, &motion, "spread").unwrap()
+    };
+    for position in [0.2, -0.2] {
+        let plan = to(position);
+        let joint = &plan.joints[0];
+        assert_eq!(joint.torque_limits, [0.0, 0.0]);
+        assert!(joint.actuators.is_empty());
+        let peaks = joint.peaks();
+        assert_eq!((peaks.torque, peaks.effort), (f64::INFINITY, None));
+        let overload = &plan.overloads[0];
+        assert_eq!(
+            (overload.joint.as_str(), overload.possible),
+            ("index.abduction", 0.0)
+        );
+    }
 }
 
 #[test]
@@ -450,8 +515,8 @@ proptest! {
 fn a_hand_with_fewer_fingers_and_joints_is_simulated_alike() {
     let text = include_str!("../../../../condor-hand/tests/hands/tripod.toml");
     let [first, second] = {
-        let small = HandView::new(&Hand::<3, 3>::from_toml(text, "tripod.toml").unwrap());
-        let large = HandView::new(&Hand::<4, 4>::from_toml(text, "tripod.toml").unwrap());
+        let small = HandView::new(&Hand::<3, 3, 6>::from_toml(text, "tripod.toml").unwrap());
+        let large = HandView::new(&Hand::<4, 4, 8>::from_toml(text, "tripod.toml").unwrap());
         [Box::new(small) as Box<dyn Robot>, Box::new(large)]
     };
     let [first, second] = [&first, &second].map(|robot| robot.simulator().unwrap());

@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, SVector, Translation3, Unit, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use roxmltree::{Document, Node};
 
-use crate::{UtahMit, gripper, utah_mit};
+use crate::{UtahMit, gripper, utah_mit, with_motors};
 
 fn child<'n>(node: Node<'n, 'n>, name: &str) -> Node<'n, 'n> {
     let found = node.children().find(|it| it.has_tag_name(name));
@@ -179,4 +179,36 @@ fn a_name_cannot_break_the_text() {
     let text = HandView::new(&hand).urdf().unwrap();
     let document = Document::parse(&text).unwrap();
     assert_eq!(document.root_element().attribute("name"), Some("a<\"&"));
+}
+
+/// The largest torque is that of all actuators together, to the stronger side.
+#[test]
+fn all_actuators_of_a_joint_give_its_largest_torque() {
+    let efforts = |hand: &UtahMit| {
+        let text = HandView::new(hand).urdf().unwrap();
+        let document = Document::parse(&text).unwrap();
+        let joints = document.root_element().children();
+        let limits = joints.filter_map(|it| it.children().find(|it| it.has_tag_name("limit")));
+        let efforts = limits.map(|it| it.attribute("effort").unwrap().parse().unwrap());
+        efforts.take(4).collect::<Vec<f64>>()
+    };
+    let check = |efforts: &[f64], expected: [f64; 4]| {
+        let mut both = efforts.iter().zip(&expected);
+        let is_near = both.all(|(effort, expected)| (effort - expected).abs() < 1e-12);
+        assert!(is_near, "{efforts:?} {expected:?}");
+    };
+    // The flexors pull with 130 N against 4 N.
+    let arms = [0.0127, 0.0127 + 0.0095 + 0.008, 0.0095 + 0.008, 0.008];
+    check(&efforts(&utah_mit()), arms.map(|arm| arm * (130.0 - 4.0)));
+    // The motors push with 0.125 N m, and two of them at the last joint.
+    let arms = [20.0, 30.0, 20.0, 25.0];
+    check(&efforts(&with_motors()), arms.map(|arm| arm * 0.125));
+    // Without arms that are possible nothing moves a joint, and neither does it without actuators.
+    let mut hand = with_motors();
+    hand.fingers[0].actuators[3].arms.clear();
+    check(&efforts(&hand), [2.5, 3.75, 0.0, 3.125]);
+    let arms = &mut hand.fingers[0].actuators[0].arms;
+    let joint = "abduction".try_into().unwrap();
+    arms.insert(joint, f64::NAN).unwrap();
+    check(&efforts(&hand), [0.0; 4]);
 }

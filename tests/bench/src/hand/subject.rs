@@ -9,6 +9,7 @@ use crate::Result;
 
 pub(super) const FINGERS: usize = 4;
 pub(super) const JOINTS: usize = 4;
+pub(super) const ACTUATORS: usize = 8;
 
 /// States that calls go through in turn, so that no branch is foretold by the last call.
 pub(super) const STATES: usize = 64;
@@ -37,7 +38,7 @@ pub(super) struct State {
 /// The shipped hand.
 pub(super) struct Subject {
     /// The configuration of the hand.
-    pub(super) config: config::Hand<FINGERS, JOINTS>,
+    pub(super) config: config::Hand<FINGERS, JOINTS, ACTUATORS>,
     /// Its fingers in closed form.
     pub(super) planar: [PlanarFinger; FINGERS],
     /// The states in which the hand is computed.
@@ -50,7 +51,7 @@ impl Subject {
     /// # Errors
     /// Returns an error if its configuration has mistakes.
     pub(super) fn new() -> Result<Self> {
-        let config = config::Hand::<FINGERS, JOINTS>::from_toml(TEXT, "utah-mit.toml")
+        let config = config::Hand::<FINGERS, JOINTS, ACTUATORS>::from_toml(TEXT, "utah-mit.toml")
             .map_err(|error| format!("{error}"))?;
         let planar = config
             .fingers

@@ -12,12 +12,12 @@ use condor_hand::config::MotionLimits;
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::{Kinematics as _, PlanarFinger};
 use condor_hand::servo::{FingerReadings, ServoMode};
-use condor_hand::tendon::TendonPairs;
 use condor_hand::trajectory::{SetPoint, StopGuard};
+use condor_hand::transmission::Linear;
 use nalgebra::SVector;
 
 use super::laws::{Tips, no_tips};
-use super::subject::{FINGERS, GRAVITY, JOINTS, Joints, Subject};
+use super::subject::{ACTUATORS, FINGERS, GRAVITY, JOINTS, Joints, Subject};
 use crate::Result;
 use crate::race::Race;
 
@@ -28,7 +28,8 @@ const TICKS: usize = 512;
 /// Cutoffs of all filters, Hz.
 const CUTOFF_HZ: f64 = 100.0;
 
-type Controllers = [FingerController<PlanarFinger, JOINTS>; FINGERS];
+type Controllers =
+    [FingerController<PlanarFinger, Linear<JOINTS, ACTUATORS>, JOINTS, ACTUATORS>; FINGERS];
 
 /// This task, and its row.
 pub(super) const TICK: &str = "tick, with tips and Jacobians";
@@ -39,7 +40,7 @@ struct Hand {
     controllers: Controllers,
     /// The positions of the joints in each tick, and their velocities.
     motion: Vec<[[SetPoint; JOINTS]; FINGERS]>,
-    tensions: [TendonPairs<f64, JOINTS>; FINGERS],
+    efforts: [[f64; ACTUATORS]; FINGERS],
     /// The positions of the last tick.
     position: Joints,
     tips: Tips,
@@ -55,16 +56,19 @@ impl Hand {
     /// tick.
     fn new(subject: &Subject) -> Result<Self> {
         let mut config = subject.config.clone();
-        let fingers = config.fingers.iter_mut();
-        for joint in fingers.flat_map(|finger| &mut finger.joints) {
-            joint.servo.position_cutoff_hz = Some(CUTOFF_HZ);
-            joint.flexor.cutoff_hz = Some(CUTOFF_HZ);
-            joint.extensor.cutoff_hz = Some(CUTOFF_HZ);
+        for finger in &mut config.fingers {
+            for joint in &mut finger.joints {
+                joint.servo.position_cutoff_hz = Some(CUTOFF_HZ);
+            }
+            for actuator in &mut finger.actuators {
+                actuator.cutoff_hz = Some(CUTOFF_HZ);
+            }
         }
         let servo_hz = f64::from(config.servo_hz);
         let mut controllers = Vec::new();
         for (finger, planar) in config.fingers.iter().zip(&subject.planar) {
-            let mut controller = FingerController::new(&config, finger, *planar)?;
+            let mut controller =
+                FingerController::new(&config, finger, *planar, finger.transmission()?)?;
             for joint in 0..JOINTS {
                 controller.set_mode(joint, ServoMode::Position)?;
             }
@@ -78,7 +82,7 @@ impl Hand {
                 .try_into()
                 .map_err(|_| "the hand has another number of fingers")?,
             motion,
-            tensions: array::from_fn(|finger| config.fingers[finger].least_tensions()),
+            efforts: array::from_fn(|finger| config.fingers[finger].efforts_at_rest()),
             position: start,
             tips: no_tips(),
             ticks: 0,
@@ -108,12 +112,12 @@ impl Hand {
         for (finger, controller) in self.controllers.iter_mut().enumerate() {
             let sensed = FingerReadings {
                 position: SVector::from(now[finger].map(|joint| joint.position)),
-                tension: self.tensions[finger],
+                effort: self.efforts[finger],
                 touch: 0.0,
             };
             let tick = controller.tick(&sensed, &GRAVITY, self.period_s);
             self.faults += usize::from(tick.fault.is_some());
-            self.tensions[finger] = tick.output.tension;
+            self.efforts[finger] = tick.output.effort;
             self.position[finger] = tick.output.position;
             black_box(&tick.output.command);
         }

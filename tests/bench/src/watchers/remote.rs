@@ -22,7 +22,7 @@ const VARIABLES: [&str; 6] = [
     "servo-?:*.velocity",
     "servo-?:*.error",
     "servo-?:*.torque",
-    "servo-?:*.tension",
+    "servo-?:*.effort",
     "servo-?:*.touch",
 ];
 /// The line that a client prints when it receives its streams.

@@ -5,8 +5,8 @@ use condor_hand::plant::{
     SimSurface,
 };
 use condor_hand::servo::{FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
-use condor_hand::tendon::Pair;
 use condor_hand::trajectory::{SetPoint, StopGuard};
+use condor_hand::transmission::{Linear, Transmission};
 use condor_hand::{config, kinematics::PlanarFinger};
 use nalgebra::{SVector, Vector3};
 
@@ -15,7 +15,7 @@ use crate::corpus::{Between, HOSTILE};
 use crate::digest::Digest;
 use crate::grasping::POSTURES;
 
-type Finger = config::Finger<4>;
+type Finger = config::Finger<4, 8>;
 
 /// Controls a finger through all modes and gains, with sensors that fail, to a fault and back.
 pub(crate) fn finger(digest: &mut Digest, hand: &Shipped) -> Option<()> {
@@ -30,13 +30,14 @@ fn ticks(
     finger: &Finger,
     mechanism: impl Dynamics<4>,
 ) -> Option<()> {
-    let mut controller = FingerController::new(hand, finger, mechanism).ok()?;
+    let mut controller =
+        FingerController::new(hand, finger, mechanism, finger.transmission().ok()?).ok()?;
     let gravity = Vector3::from(hand.gravity);
     let period_s = 1.0 / f64::from(hand.servo_hz);
     let mut between = Between::seeded(10);
     let mut sensed = FingerReadings {
         position: SVector::from([0.1, 0.6, 0.8, 0.7]),
-        tension: finger.least_tensions(),
+        effort: finger.efforts_at_rest(),
         touch: 0.0,
     };
     for number in 0..800_u32 {
@@ -61,12 +62,12 @@ fn ticks(
         if number % 40 == 39 || (400..500).contains(&number) {
             let hostile = HOSTILE.into_iter().cycle().nth(number as usize / 40)?;
             said.position.x = hostile;
-            let [first, ..] = &mut said.tension;
-            first.flexor = hostile;
+            let [first, ..] = &mut said.effort;
+            *first = hostile;
         }
         let tick = controller.tick(&said, &gravity, period_s);
-        digest.pairs(&tick.output.command);
-        digest.pairs(&tick.output.tension);
+        digest.numbers(&tick.output.command);
+        digest.numbers(&tick.output.effort);
         digest.numbers(&tick.output.torque);
         digest.numbers(&tick.output.position);
         digest.numbers(&tick.output.velocity);
@@ -80,24 +81,24 @@ fn ticks(
             // The value that a sensor measured.
             digest.reading(fault.value);
         }
-        // The tendons follow, and the joints wander.
-        sensed.tension = tick.output.tension;
+        // The actuators follow, and the joints wander.
+        sensed.effort = tick.output.effort;
         sensed.position += between.vector(-1e-3, 1e-3);
     }
     Some(())
 }
 
 /// Changes a joint as a user does before a tick.
-fn change<M: Dynamics<4>>(
+fn change<M: Dynamics<4>, T: Transmission<4, 8>>(
     digest: &mut Digest,
-    controller: &mut FingerController<M, 4>,
+    controller: &mut FingerController<M, T, 4, 8>,
     number: u32,
     joint: usize,
     between: &mut Between,
 ) {
     let mode = match number {
         10 | 120 => Some(ServoMode::Torque),
-        30 => Some(ServoMode::Tension),
+        30 => Some(ServoMode::Effort),
         50 | 650 => Some(ServoMode::Position),
         150 => Some(ServoMode::Grasp),
         172 => Some(ServoMode::Impedance),
@@ -111,10 +112,6 @@ fn change<M: Dynamics<4>>(
     }
     let target = match number {
         20 | 130 => Some(JointTarget::Torque(between.one(-0.3, 0.3))),
-        40 => Some(JointTarget::Tension(Pair {
-            flexor: between.one(4.0, 60.0),
-            extensor: between.one(4.0, 60.0),
-        })),
         60 | 100 => Some(JointTarget::Position(SetPoint::rest(between.one(0.1, 0.4)))),
         160 => Some(JointTarget::Grasp(between.one(-0.3, 0.3))),
         170 => Some(JointTarget::Grasp(f64::NAN)),
@@ -128,6 +125,12 @@ fn change<M: Dynamics<4>>(
     if let Some(target) = target {
         let changed = controller.set_target(joint, target);
         digest.answer(changed.ok());
+    }
+    if number == 40 {
+        for actuator in [2 * joint, 2 * joint + 1] {
+            let changed = controller.set_effort(actuator, between.one(4.0, 60.0));
+            digest.answer(changed.ok());
+        }
     }
     if (number == 80 || number == 690)
         && let Some(&gains) = controller.gains(joint)
@@ -146,7 +149,8 @@ fn change<M: Dynamics<4>>(
 const FINGERS: usize = 4;
 const LOOPS: u32 = 120;
 
-type Simulated = plant::SimHand<PlanarFinger, FINGERS, 4>;
+type Simulated = plant::SimHand<PlanarFinger, Actuators, FINGERS, 4, 8>;
+type Actuators = Linear<4, 8>;
 
 /// Controls four fingers on a table that close about a ball, by what converters read of them.
 pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
@@ -156,7 +160,7 @@ pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut controllers = [first?, second?, third?, fourth?];
     let gravity = Vector3::from(hand.gravity);
     let period_s = 1.0 / f64::from(hand.servo_hz);
-    let mut commands = [[Pair::both(4.0); 4]; FINGERS];
+    let mut commands = [[4.0; 8]; FINGERS];
     for number in 0..LOOPS {
         let parts = controllers.iter_mut().zip(&hand.fingers);
         let parts = parts.zip(simulated.fingers());
@@ -171,7 +175,7 @@ pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
             let tick = controller.tick(&sensed, &gravity, period_s);
             digest.bits(u64::from(tick.fault.is_some()));
             *command = tick.output.command;
-            digest.pairs(command);
+            digest.numbers(&*command);
         }
         simulated.step(&commands).ok()?;
         observe(digest, &simulated);
@@ -187,9 +191,10 @@ fn finger_points(closing: f64) -> [SetPoint; 4] {
 fn controller(
     hand: &Shipped,
     finger: Option<&Finger>,
-) -> Option<FingerController<PlanarFinger, 4>> {
+) -> Option<FingerController<PlanarFinger, Actuators, 4, 8>> {
     let finger = finger?;
-    let mut controller = FingerController::new(hand, finger, finger.planar()?).ok()?;
+    let mut controller =
+        FingerController::new(hand, finger, finger.planar()?, finger.transmission().ok()?).ok()?;
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).ok()?;
     }
@@ -200,18 +205,18 @@ fn controller(
 fn sense(
     digest: &mut Digest,
     described: &Finger,
-    finger: &plant::SimFinger<PlanarFinger, 4>,
-) -> FingerReadings<4> {
+    finger: &plant::SimFinger<PlanarFinger, Actuators, 4, 8>,
+) -> FingerReadings<4, 8> {
     let mut sensed = finger.readings();
-    let places = sensed.position.iter_mut().zip(&mut sensed.tension);
-    for (joint, (position, tension)) in described.joints.iter().zip(places) {
-        let (flexor, extensor) = (&joint.flexor.adc, &joint.extensor.adc);
+    for (joint, position) in described.joints.iter().zip(sensed.position.iter_mut()) {
         *position = joint.adc.value(joint.adc.counts(*position));
-        tension.flexor = flexor.value(flexor.counts(tension.flexor));
-        tension.extensor = extensor.value(extensor.counts(tension.extensor));
         digest.reading(*position);
-        digest.reading(tension.flexor);
-        digest.reading(tension.extensor);
+    }
+    for (actuator, effort) in described.actuators.iter().zip(&mut sensed.effort) {
+        if let Some(adc) = &actuator.adc {
+            *effort = adc.value(adc.counts(*effort));
+            digest.reading(*effort);
+        }
     }
     sensed
 }
@@ -221,7 +226,7 @@ fn observe(digest: &mut Digest, simulated: &Simulated) {
     for finger in simulated.fingers() {
         digest.numbers(finger.q());
         digest.numbers(finger.qd());
-        digest.pairs(finger.tensions());
+        digest.numbers(finger.efforts());
     }
     for contact in simulated.object_contacts() {
         digest.bits(u64::from(contact.is_touching) | u64::from(contact.is_sliding) << 1);
@@ -270,7 +275,10 @@ fn simulated(hand: &Shipped) -> Option<Simulated> {
     let described = hand.fingers.iter().zip(actuators).zip(POSTURES);
     let mut fingers = described.map(|((finger, actuator), posture)| {
         let model = model(actuator);
-        model.finger(finger, finger.planar()?, posture.into()).ok()
+        let transmission = finger.transmission().ok()?;
+        model
+            .finger(finger, finger.planar()?, transmission, posture.into())
+            .ok()
     });
     let [first, second, third, fourth] = [(); FINGERS].map(|()| fingers.next().flatten());
     let axis = AxisParameters {

@@ -1,4 +1,3 @@
-use condor_hand::tendon::TendonPairs;
 use condor_hand::trajectory::SetPoint;
 
 /// FNV-1a of 64 bits (Fowler, Noll and Vo, 1991) over the bits of numbers.
@@ -49,13 +48,6 @@ impl Digest {
     pub(crate) fn numbers<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
         for &value in values {
             self.number(value);
-        }
-    }
-
-    pub(crate) fn pairs<const N: usize>(&mut self, pairs: &TendonPairs<f64, N>) {
-        for pair in pairs {
-            self.number(pair.flexor);
-            self.number(pair.extensor);
         }
     }
 

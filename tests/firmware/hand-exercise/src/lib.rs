@@ -15,6 +15,7 @@
     reason = "the firmwares have a stack for a whole hand"
 )]
 
+mod actuators;
 mod control;
 mod controlled;
 mod corpus;
@@ -22,14 +23,13 @@ mod digest;
 mod grasping;
 mod mechanism;
 mod numbers;
-mod tendons;
 mod trajectories;
 
 use condor_hand::config::Hand;
 use digest::Digest;
 
 /// The hand that ships with the crate.
-type Shipped = Hand<4, 4>;
+type Shipped = Hand<4, 4, 8>;
 
 /// The image of the shipped hand, with other limits of the faults of sensors: those of the exercise wander whatever is
 /// asked of them, and fail for longer. A test of the hand system compares it with the text, and makes it anew.
@@ -58,11 +58,15 @@ const LEVELS: [Level; 12] = [
     level("dynamics", mechanism::dynamics, 0x8507_8642_3385_e5b7),
     level("filters", control::control, 0x9262_b362_4967_0e48),
     level(
-        "tensions of torques",
-        tendons::allocation,
-        0x63d4_3346_08f3_fc5d,
+        "efforts of torques",
+        actuators::allocation,
+        0x646a_d49e_a9e6_d70a,
     ),
-    level("servos of tendons", tendons::servos, 0x398a_4eee_e2e3_b4f3),
+    level(
+        "servos of efforts",
+        actuators::servos,
+        0x398a_4eee_e2e3_b4f3,
+    ),
     level("profiles", trajectories::profiles, 0xfb48_ea31_4de4_04f0),
     level(
         "generator and interpolator",
@@ -73,12 +77,12 @@ const LEVELS: [Level; 12] = [
     level(
         "a finger's controller",
         controlled::finger,
-        0xa5af_b115_d6a9_47b0,
+        0xc0e2_1bbe_ebe3_a8f1,
     ),
     level(
         "a simulated hand in closed loop",
         controlled::hand,
-        0x2a2b_c482_6c67_560d,
+        0x9f16_a37a_7504_0e5c,
     ),
 ];
 

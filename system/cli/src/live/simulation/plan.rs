@@ -23,7 +23,7 @@ pub(super) fn plan_json(plan: &Plan) -> Json {
             "joint": joint.name,
             "velocity": peaks.velocity,
             "torque": peaks.torque,
-            "tension": peaks.tension,
+            "effort": peaks.effort,
         })
     });
     json!({
@@ -39,11 +39,11 @@ pub(super) fn plan_json(plan: &Plan) -> Json {
 
 /// Returns the curves of a joint: of every so many ticks, and of the last one.
 fn curves(joint: &JointPlan, every: usize) -> Json {
-    let tendons = joint.tendons.iter().map(|tendon| {
+    let actuators = joint.actuators.iter().map(|actuator| {
         json!({
-            "name": tendon.name,
-            "tension": thinned(&tendon.tension, every),
-            "limits": tendon.limits,
+            "name": actuator.name,
+            "effort": thinned(&actuator.effort, every),
+            "limits": actuator.limits,
         })
     });
     json!({
@@ -56,7 +56,7 @@ fn curves(joint: &JointPlan, every: usize) -> Json {
             "velocity": joint.velocity_limit,
             "torque": joint.torque_limits,
         },
-        "tendons": tendons.collect::<Vec<_>>(),
+        "actuators": actuators.collect::<Vec<_>>(),
     })
 }
 

@@ -44,13 +44,13 @@ impl Robot for Arm {
             name: "arm".into(),
             radius_m: 0.0,
             points: vec![[0.0; 3], [0.0, 0.2, 0.0], [0.0, 0.2 + 0.2 * c, 0.2 * s]],
-            tension: None,
+            effort: None,
         };
         let tendon = RobotLine {
             name: "biceps".into(),
             radius_m: 0.0,
             points: vec![[0.0, 0.0, 0.1], [0.0, 0.2, 0.1]],
-            tension: Some("elbow.tension".into()),
+            effort: Some("elbow.tension".into()),
         };
         vec![bone, tendon]
     }

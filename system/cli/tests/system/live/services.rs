@@ -142,7 +142,7 @@ fn a_motion_is_planned_and_edited() {
     let peak = &plan["peaks"][1];
     assert_eq!(peak["joint"], "elbow");
     assert!((peak["velocity"].as_f64().unwrap() - 1.875 / 3.0).abs() < 1e-3);
-    assert_eq!(peak["tension"], Value::Null);
+    assert_eq!(peak["effort"], Value::Null);
     let events = plan["events"].as_array().unwrap();
     assert_eq!(
         events[1],

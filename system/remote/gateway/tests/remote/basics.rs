@@ -27,7 +27,7 @@ pub(crate) fn run() -> Outcome<()> {
         robot = "{ROBOT}"
         listen = ["{place}"]
         passwords = "passwords"
-        variables = ["index.proximal.position", "index.proximal.flexor.gains.kt"]
+        variables = ["index.proximal.position", "index.proximal-flexor.gains.kp"]
         grace_ms = 100
         [[clients]]
         name = "lab"
@@ -84,7 +84,7 @@ fn checks(up: &mut Up, place: &str) -> Outcome<()> {
     dies(up, place, lab, network)?;
     let told = up.told();
     for line in [
-        "lab: sets index.proximal.flexor.gains.kt",
+        "lab: sets index.proximal-flexor.gains.kp",
         "lab: offers motion",
         "lab: stops all motion",
         "lab: withdraws motion",
@@ -125,7 +125,7 @@ fn looks(lab: &Remote) -> Outcome<()> {
     };
     let columns: Vec<_> = stream.columns().map(str::to_owned).collect();
     check(
-        columns.contains(&"index.proximal.flexor.gains.kt".into()),
+        columns.contains(&"index.proximal-flexor.gains.kp".into()),
         format!("{columns:?}"),
     )?;
     let mut last = None;
@@ -143,21 +143,21 @@ fn looks(lab: &Remote) -> Outcome<()> {
         }
     }
     let mut events = lab.subscribe("/events", SOON)?;
-    lab.get("index.proximal.flexor.gains.kt", SOON)?;
+    lab.get("index.proximal-flexor.gains.kp", SOON)?;
     check(events.next(SOON)?.is_some(), "no event".into())
 }
 
 fn tunes(lab: &Remote) -> Outcome<()> {
-    let before = lab.get("index.proximal.flexor.gains.kt", SOON)?;
+    let before = lab.get("index.proximal-flexor.gains.kp", SOON)?;
     let new = json!(before.as_f64().ok_or("no number")? * 1.25);
     let was = lab.set(
-        "index.proximal.flexor.gains.kt",
+        "index.proximal-flexor.gains.kp",
         Some(before.clone()),
         new.clone(),
         SOON,
     )?;
     check(was == before, format!("it was {was}"))?;
-    let now = lab.get("index.proximal.flexor.gains.kt", SOON)?;
+    let now = lab.get("index.proximal-flexor.gains.kp", SOON)?;
     check(now == new, format!("it is {now}"))?;
     for (from, value, complaint) in [
         (None, json!(2e9), "must be from"),
@@ -165,20 +165,20 @@ fn tunes(lab: &Remote) -> Outcome<()> {
         (None, json!("soft"), "is not a value"),
     ] {
         let error = lab
-            .set("index.proximal.flexor.gains.kt", from, value, SOON)
+            .set("index.proximal-flexor.gains.kp", from, value, SOON)
             .err()
             .ok_or("it was set")?;
         check(error.to_string().contains(complaint), error.to_string())?;
     }
-    lab.set("index.proximal.flexor.gains.kt", None, before, SOON)?;
+    lab.set("index.proximal-flexor.gains.kp", None, before, SOON)?;
     let reply = lab.send("plant", "99", 7, SOON);
     check(reply.is_err(), format!("nobody has it, but: {reply:?}"))?;
     let error = lab
-        .get("index.proximal.flexor.gains.ktt", SOON)
+        .get("index.proximal-flexor.gains.kpp", SOON)
         .err()
         .ok_or("there is no such name")?;
     check(
-        error.to_string().contains("index.proximal.flexor.gains.kt"),
+        error.to_string().contains("index.proximal-flexor.gains.kp"),
         error.to_string(),
     )
 }
@@ -245,7 +245,7 @@ fn refuses(place: &str, lab: &Remote) -> Outcome<()> {
     let desk = Remote::new(&open(place, "desk", "other")?, ROBOT)?;
     desk.status(SOON)?;
     let error = desk
-        .set("index.proximal.flexor.gains.kt", None, json!(1.0), SHORT)
+        .set("index.proximal-flexor.gains.kp", None, json!(1.0), SHORT)
         .err()
         .ok_or("desk has tuned")?;
     println!("desk tunes: {error}");
@@ -314,7 +314,7 @@ fn program(up: &Up, place: &str) -> Outcome<()> {
         };
         Ok([answer(true)?, answer(false)?])
     };
-    let gain = "index.proximal.flexor.gains.kt";
+    let gain = "index.proximal-flexor.gains.kp";
     let [remote, local] = both(&["vars", "get", gain, "--json"], "variables")?;
     check(
         remote == local && remote[0]["value"].is_number(),

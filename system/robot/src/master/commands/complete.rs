@@ -41,6 +41,11 @@ impl<M: Machine> Commands<'_, '_, M> {
                     fingers.for_each(|finger| offer(&finger.name));
                 }
                 "FINGER.JOINT" => self.offer_joints(offer),
+                "FINGER.ACTUATOR" => self.offer_actuators(offer),
+                "FINGER.PART" => {
+                    self.offer_joints(&mut *offer);
+                    self.offer_actuators(offer);
+                }
                 // Without its directory there are none.
                 "MOTION" => self.store.list(&mut *offer).unwrap_or_default(),
                 "GAIN" => self.offer_gains(&mut words.clone(), offer),
@@ -63,7 +68,18 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
     }
 
-    /// Offers the gains of the joint that is named before; of none that is not there.
+    fn offer_actuators(&self, offer: Offer<'_>) {
+        for finger in &self.hand.fingers {
+            for actuator in &finger.actuators {
+                let mut name = heapless::String::<64>::new();
+                // The names of a configuration are short enough.
+                let _ = write!(name, "{}.{}", finger.name, actuator.name);
+                offer(&name);
+            }
+        }
+    }
+
+    /// Offers the gains of the joint or actuator that is named before; of none that is not there.
     fn offer_gains(&mut self, words: &mut Words<'_>, offer: Offer<'_>) {
         if let Some((joint, table)) = self.parameters(words) {
             let entries = table.entries().flatten();
@@ -84,13 +100,13 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
     }
 
-    /// The joint that is named next, and the parameters of the loop that serves it.
+    /// The joint or actuator that is named next, and the parameters of the loop that serves it.
     fn parameters<'l>(
         &mut self,
         words: &mut Words<'l>,
     ) -> Option<(&'l str, VariableTable<M::Window>)> {
         let joint = words.peek().next()?;
-        let (finger, _) = words.joint(self.hand).ok()?;
+        let (finger, _) = words.joint_or_actuator(self.hand).ok()?;
         let (_, table) = self.servos.table(finger).ok()?;
         Some((joint, table))
     }
@@ -117,7 +133,7 @@ impl<M: Machine> Commands<'_, '_, M> {
     }
 }
 
-/// The name of a gain of a joint; `None` if the entry is none.
+/// The name of a gain of a joint or actuator; `None` if the entry is none.
 fn gain_of<'e>(joint: &str, entry: &'e TableEntry) -> Option<&'e str> {
     let name = entry.name.strip_prefix(joint)?.strip_prefix('.')?;
     entry.bounds.is_some().then_some(name)

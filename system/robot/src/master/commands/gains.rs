@@ -20,15 +20,13 @@ const LAW: &str = "a law: pd or decoupled";
 
 impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn gains<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let (finger, joint) = words.joint(self.hand)?;
+        let (finger, part) = words.joint_or_actuator(self.hand)?;
         let (to, table) = self.servos.table(finger)?;
         let client = self.client(to)?;
-        let entry = self.hand.fingers.get(finger);
-        let names = entry.and_then(|it| Some((&it.name, &it.joints.get(joint)?.name)));
         let mut prefix = heapless::String::new();
-        if let Some((finger, joint)) = names {
+        if let Some(finger) = self.hand.fingers.get(finger) {
             // The names of a configuration are short enough.
-            let _ = write!(prefix, "{finger}.{joint}.");
+            let _ = write!(prefix, "{}.{part}.", finger.name);
         }
         let mut gains = Gains {
             client,
@@ -47,7 +45,7 @@ impl<M: Machine> Commands<'_, '_, M> {
     }
 }
 
-/// The parameters of a joint.
+/// The parameters of a joint or an actuator.
 struct Gains<'m, C: Messenger + ?Sized, W> {
     client: VariableClient<'m, C, W>,
     table: VariableTable<W>,
@@ -56,7 +54,7 @@ struct Gains<'m, C: Messenger + ?Sized, W> {
 }
 
 impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
-    /// Returns its name without that of the joint; `None` if it is none of this joint's.
+    /// Returns its name without that of the joint or actuator; `None` if it is none of these.
     fn name<'e>(&self, entry: &'e TableEntry) -> Option<&'e str> {
         let name = entry.name.strip_prefix(self.prefix.as_str());
         name.filter(|_| entry.bounds.is_some())

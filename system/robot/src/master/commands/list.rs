@@ -225,7 +225,8 @@ mod tests {
             ("gains", 2, &["VALUE"]),
             ("gains", 5, &["GAIN"]),
             ("table", 0, &["home", "stop", "off", "clear", "X"]),
-            ("fault", 1, &["position", "flexor", "extensor"]),
+            ("fault", 1, &["position", "drive"]),
+            ("effort", 0, &["FINGER.ACTUATOR"]),
             ("load", 0, &["PROCESSOR"]),
         ] {
             let command = find(GROUPS, name).unwrap();

@@ -4,18 +4,18 @@ use core::fmt::{self, Display};
 
 use condor_hand::decimal::Decimal;
 use condor_hand::servo::{JointTarget, ServoMode};
-use condor_hand::tendon::Pair;
 use condor_rt::Machine;
 
 use super::{Commands, Problem, Words, with};
 use crate::RobotDescription;
+use crate::joints::ActuatorName;
 use crate::plant;
 
 /// The damping of an impedance for each unit of its stiffness, s, unless the command has one. Position laws of
 /// up to 10 Hz have more.
 const DAMPING: f64 = 0.03;
 /// The modes that the command `mode` sets.
-const MODES: &str = "a mode: off, tension, torque, position or impedance";
+const MODES: &str = "a mode: off, effort, torque, position or impedance";
 const STIFFNESS: &str = "a stiffness, N m/rad";
 const WEIGHT: &str = "a weight, kg";
 
@@ -33,21 +33,16 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         Ok(())
     }
 
-    /// Tensions of the two tendons of one joint.
-    pub(super) fn tension<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let (finger, joint) = words.joint(self.hand)?;
-        let flexor = words.number("the tension of the flexor, N")?;
-        let extensor = words.number("the tension of the extensor, N")?;
+    /// The effort of one actuator.
+    pub(super) fn effort<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, actuator) = words.actuator(self.hand)?;
+        let effort = words.number("an effort, N or N m")?;
         words.end()?;
         self.check_free(finger)?;
-        let pair = Pair { flexor, extensor };
-        self.servos
-            .set_target(finger, joint, &JointTarget::Tension(pair))?;
-        let name = self.named(finger, Some(joint));
-        let [flexor, extensor] = [flexor, extensor].map(Decimal);
-        self.say(format_args!(
-            "{name} has {flexor} N at its flexor and {extensor} N at its extensor"
-        ));
+        self.servos.set_effort(finger, actuator, effort)?;
+        let name = ActuatorName(self.hand, finger, actuator);
+        let effort = Decimal(effort);
+        self.say(format_args!("{name} has an effort of {effort}"));
         Ok(())
     }
 
@@ -99,7 +94,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         words.end()?;
         let mode = [
             ServoMode::Off,
-            ServoMode::Tension,
+            ServoMode::Effort,
             ServoMode::Torque,
             ServoMode::Position,
             ServoMode::Impedance,

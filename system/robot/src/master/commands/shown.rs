@@ -6,21 +6,21 @@ use condor_hand::config::Finger;
 use condor_hand::decimal::Decimal;
 use condor_hand::servo::ServoMode;
 
-use crate::JOINTS;
 use crate::master::servos::are_all;
 use crate::message::ServoStatus;
 use crate::plant::CameraObject;
+use crate::{ACTUATORS, JOINTS};
 
 /// The columns of a name, and of how a finger is.
 const NAME: usize = 6;
 const CONDITION: usize = 10;
 
 /// Over the rows of fingers whose joints are called the same.
-pub(super) struct Titles<'h>(pub(super) &'h Finger<JOINTS>);
+pub(super) struct Titles<'h>(pub(super) &'h Finger<JOINTS, ACTUATORS>);
 
 impl Titles<'_> {
     /// Returns true if another finger may stand below them.
-    pub(super) fn suit(&self, other: &Finger<JOINTS>) -> bool {
+    pub(super) fn suit(&self, other: &Finger<JOINTS, ACTUATORS>) -> bool {
         let mut names = self.0.joints.iter().zip(&other.joints);
         names.all(|(a, b)| a.name == b.name)
     }
@@ -39,7 +39,7 @@ impl Display for Titles<'_> {
 
 /// A finger: how it is, on which processor, and where its joints are, if that is known, rad.
 pub(super) struct Row<'h> {
-    pub(super) finger: &'h Finger<JOINTS>,
+    pub(super) finger: &'h Finger<JOINTS, ACTUATORS>,
     pub(super) status: Option<&'h ServoStatus<JOINTS>>,
     pub(super) processor: u8,
     pub(super) measured: Option<[f64; JOINTS]>,
@@ -87,7 +87,7 @@ fn condition(status: Option<&ServoStatus<JOINTS>>) -> &'static str {
     } else {
         match first {
             ServoMode::Off => "off",
-            ServoMode::Tension => "by tension",
+            ServoMode::Effort => "by effort",
             ServoMode::Torque => "by torque",
             ServoMode::Position => "follows",
             ServoMode::Grasp => "holds",
@@ -98,13 +98,16 @@ fn condition(status: Option<&ServoStatus<JOINTS>>) -> &'static str {
 
 /// The modes of a finger whose joints are in several: the joints of each.
 pub(super) struct MixedModes<'h> {
-    finger: &'h Finger<JOINTS>,
+    finger: &'h Finger<JOINTS, ACTUATORS>,
     modes: &'h [ServoMode],
 }
 
 impl<'h> MixedModes<'h> {
     /// `None` for a finger whose joints are all in one mode.
-    pub(super) fn of(finger: &'h Finger<JOINTS>, status: &'h ServoStatus<JOINTS>) -> Option<Self> {
+    pub(super) fn of(
+        finger: &'h Finger<JOINTS, ACTUATORS>,
+        status: &'h ServoStatus<JOINTS>,
+    ) -> Option<Self> {
         let modes = status.modes.as_slice();
         let is_mixed = modes.iter().any(|mode| Some(mode) != modes.first());
         is_mixed.then_some(Self { finger, modes })

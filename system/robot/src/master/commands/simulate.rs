@@ -6,8 +6,8 @@ use condor_rt::Machine;
 use super::super::others::Ball;
 use super::super::words::{Problem, Words};
 use super::Commands;
-use crate::joints::JointName;
-use crate::plant::{NumberRange, PlantRequest, PlantTarget};
+use crate::joints::{ActuatorName, JointName};
+use crate::plant::{NumberRange, PlantRequest, PlantSensor};
 
 impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn ball<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -77,36 +77,33 @@ impl<M: Machine> Commands<'_, '_, M> {
     }
 
     pub(super) fn fault<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let (finger, joint) = words.joint(self.hand)?;
-        let what = "position, flexor or extensor";
-        let word = words.word(what)?;
-        words.end()?;
-        let name = JointName(self.hand, self.numbers.number(finger, joint));
-        let (finger, joint) = (finger as u32, joint as u32);
-        let cut = |which| PlantRequest::CutTendon {
-            finger,
-            joint,
-            which,
-        };
-        self.others.plant(&match word {
-            "position" => PlantRequest::StickSensor {
-                finger,
-                joint,
-                which: PlantTarget::Position,
-            },
-            "flexor" => cut(PlantTarget::Flexor),
-            "extensor" => cut(PlantTarget::Extensor),
-            _ => return Err(Problem::Not { word, what }),
-        })?;
-        if word == "position" {
-            self.say(format_args!(
-                "the position sensor of {name} stays as it is; `clear` mends it"
-            ));
-        } else {
-            self.say(format_args!(
-                "the {word} of {name} is cut; `clear` mends it"
-            ));
+        let what = "position or drive";
+        let kind = words.peek().nth(1);
+        if kind == Some("drive") {
+            let (finger, actuator) = words.actuator(self.hand)?;
+            words.next();
+            words.end()?;
+            self.others.plant(&PlantRequest::CutDrive {
+                finger: finger as u32,
+                actuator: actuator as u32,
+            })?;
+            let name = ActuatorName(self.hand, finger, actuator);
+            self.say(format_args!("the drive {name} is cut; `clear` mends it"));
+            return Ok(());
         }
+        let (finger, joint) = words.joint(self.hand)?;
+        match words.word(what)? {
+            "position" => words.end()?,
+            word => return Err(Problem::Not { word, what }),
+        }
+        self.others.plant(&PlantRequest::StickSensor {
+            finger: finger as u32,
+            sensor: PlantSensor::Position(joint as u32),
+        })?;
+        let name = JointName(self.hand, self.numbers.number(finger, joint));
+        self.say(format_args!(
+            "the position sensor of {name} stays as it is; `clear` mends it"
+        ));
         Ok(())
     }
 
@@ -117,7 +114,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         let text = if has_failed {
             "the simulated robot is at its start again"
         } else {
-            "all sensors and tendons are whole"
+            "all sensors and drives are whole"
         };
         self.say(format_args!("{text}"));
         Ok(())

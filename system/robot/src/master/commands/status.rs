@@ -44,7 +44,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         if let Some(resting @ 1..) = self.others.resting() {
             let boards = Boards(resting);
             self.say(format_args!(
-                "no program sends values to the D/A boards {boards}: their tendons have the least tensions"
+                "no program sends values to the D/A boards {boards}: their actuators are at rest"
             ));
         }
         let failed = self.others.failed();

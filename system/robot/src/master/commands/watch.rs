@@ -13,37 +13,43 @@ use super::super::drive::{ALL, OfServos};
 use super::super::servos::ANSWER;
 use super::super::words::{Problem, Words};
 use super::{Commands, FINGERS};
-use crate::JOINTS;
 use crate::message::ServoStatus;
+use crate::{ACTUATORS, JOINTS};
 
 /// The time between two tables.
 const PERIOD: Duration = Duration::from_millis(250);
 /// The least number of rows of a loop's variables in a second.
 const ROWS_HZ: u32 = 8;
-/// The columns of a joint: the variable, its title, and the number of decimals.
-const COLUMNS: [(&str, &str, usize); 5] = [
+/// The columns of a joint, and those of an actuator: the variable, its title, and the number of decimals.
+const JOINT: [Column; 3] = [
     ("position", "is rad", 4),
     ("target", "wanted", 4),
     ("torque", "N m", 4),
-    ("flexor.tension", "flexor N", 2),
-    ("extensor.tension", "ext. N", 2),
 ];
+const ACTUATOR: [Column; 3] = [
+    ("effort", "effort", 2),
+    ("desired", "wanted", 2),
+    ("command", "command", 2),
+];
+/// The most rows: joints, and then the actuators of each finger.
+const ROWS: usize = ALL + FINGERS * ACTUATORS;
 /// The columns of a joint's name, and of a value with the blank before it.
-const NAME: usize = 17;
+const NAME: usize = 24;
 const VALUE: usize = 10;
 /// The most variables of a loop from the first to the last that is shown.
 const WORDS: usize = 128;
 
-/// The values of a joint's variables.
-type Values = [f32; COLUMNS.len()];
+type Column = (&'static str, &'static str, usize);
+/// The values of a row's variables.
+type Values = [f32; JOINT.len()];
 
-/// The table of chosen joints.
+/// The table of chosen joints and actuators.
 pub(in super::super) struct Watching<W> {
-    /// A bit for each joint that was chosen last.
-    chosen: u32,
+    /// A bit for each row that was chosen last.
+    chosen: u64,
     /// The sources of the variables; none while there is no table.
     sources: OfServos<Source<W>>,
-    values: [Option<Values>; ALL],
+    values: [Option<Values>; ROWS],
     next: Option<Instant>,
     /// The count of the terminal's output after the last table.
     drawn: Option<u32>,
@@ -57,15 +63,15 @@ struct Source<W> {
     columns: Columns,
 }
 
-/// For each value that the table shows: its joint, its column, and the number of its variable.
-type Columns = heapless::Vec<(u8, u8, u32), { ALL * COLUMNS.len() }>;
+/// For each value that the table shows: its row, its column, and the number of its variable.
+type Columns = heapless::Vec<(u8, u8, u32), { ROWS * JOINT.len() }>;
 
 impl<W> Watching<W> {
     pub(in super::super) const fn new() -> Self {
         Self {
             chosen: 0,
             sources: OfServos::new(),
-            values: [None; ALL],
+            values: [None; ROWS],
             next: None,
             drawn: None,
         }
@@ -73,15 +79,24 @@ impl<W> Watching<W> {
 }
 
 impl<'r, M: Machine> Commands<'r, '_, M> {
-    /// Shows the joints that are named, or else those of the last time, until something is typed.
+    /// Shows the joints that are named, each with its actuators, and those of fingers that are named, or else those of the
+    /// last time, until something is typed.
     pub(super) fn watch_joints<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let mut chosen = 0_u32;
+        let mut chosen = 0_u64;
         while let Some(word) = words.peek().next() {
             if word.bytes().any(|byte| byte == b'.') {
                 let (finger, joint) = words.joint(self.hand)?;
                 chosen |= 1 << self.numbers.number(finger, joint);
+                let entry = self.hand.fingers.get(finger);
+                let actuators = 0..entry.map_or(0, |entry| entry.actuators.len());
+                let own = |actuator: &usize| {
+                    entry.and_then(|entry| entry.joint_of(*actuator)) == Some(joint)
+                };
+                for actuator in actuators.filter(own) {
+                    chosen |= 1 << row_of(finger, actuator);
+                }
             } else if let Some(finger) = words.finger(self.hand)? {
-                chosen |= self.numbers.mask(finger);
+                chosen |= u64::from(self.numbers.mask(finger));
             }
         }
         if chosen == 0 {
@@ -100,11 +115,18 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         begun
     }
 
-    fn begin_watch(&mut self, chosen: u32) -> Result<(), Problem<'static>> {
+    fn begin_watch(&mut self, chosen: u64) -> Result<(), Problem<'static>> {
         let mut wanted = OfServos::<(Processor, VariableTable<M::Window>, Columns)>::new();
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
-            for (joint, named) in entry.joints.iter().enumerate() {
-                let place = self.numbers.number(finger, joint);
+            let joints = entry.joints.iter().enumerate();
+            let joints = joints.map(|(joint, named)| {
+                let row = self.numbers.number(finger, joint);
+                (row, &named.name, &JOINT)
+            });
+            let actuators = entry.actuators.iter().enumerate();
+            let actuators = actuators
+                .map(|(actuator, named)| (row_of(finger, actuator), &named.name, &ACTUATOR));
+            for (place, part, shown) in joints.chain(actuators) {
                 if chosen >> place & 1 == 0 {
                     continue;
                 }
@@ -117,10 +139,10 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
                 let Some((_, _, columns)) = known else {
                     continue;
                 };
-                for (column, (variable, ..)) in COLUMNS.iter().enumerate() {
+                for (column, (variable, ..)) in shown.iter().enumerate() {
                     let mut name = heapless::String::<NAME_BYTES>::new();
                     // The names of a configuration are short enough.
-                    let _ = write!(name, "{}.{}.{variable}", entry.name, named.name);
+                    let _ = write!(name, "{}.{part}.{variable}", entry.name);
                     let found = table.find(&name)?.filter(|it| it.kind == ValueKind::F32);
                     let found = found.ok_or(Problem::Absent(to.0))?;
                     let _ = columns.push((place as u8, column as u8, found.number));
@@ -147,7 +169,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
             let _ = self.watching.sources.push(source);
             selected?;
         }
-        self.watching.values = [None; ALL];
+        self.watching.values = [None; ROWS];
         (self.watching.next, self.watching.drawn) = (None, None);
         Ok(())
     }
@@ -199,26 +221,44 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
             // The loops have not written a row yet.
             return Ok(());
         }
-        let rows = watching.chosen.count_ones() + 1;
+        let chosen = watching.chosen;
+        let has_actuators = chosen >> ALL != 0;
+        let rows = chosen.count_ones() + 1 + u32::from(has_actuators);
         let console = self.background.console()?;
         // In the place of the last one, unless something was shown below it.
         if watching.drawn == Some(console.written()) {
             self.background.print(format_args!("\x1b[{rows}A"));
         }
-        show(self.background, format_args!("{Titles}"));
+        let titles = Titles("joint", &JOINT, "  mode");
+        show(self.background, format_args!("{titles}"));
         for (place, values) in self.watching.values.iter().enumerate() {
-            if self.watching.chosen >> place & 1 == 0 {
+            if place == ALL && has_actuators {
+                let titles = Titles("actuator", &ACTUATOR, "");
+                show(self.background, format_args!("{titles}"));
+            }
+            if chosen >> place & 1 == 0 {
                 continue;
             }
-            let Some((finger, joint)) = self.numbers.place(place) else {
-                continue;
+            let (finger, names, mode) = match place.checked_sub(ALL) {
+                None => {
+                    let place = self.numbers.place(place);
+                    let (finger, joint) = place.unwrap_or((FINGERS, JOINTS));
+                    let name = self.hand.joint(finger, joint).map(|it| &it.name);
+                    let mode = mode(self.servos.status(finger.min(FINGERS)), joint);
+                    (finger, name, mode)
+                }
+                Some(place) => {
+                    let (finger, actuator) = (place / ACTUATORS, place % ACTUATORS);
+                    let name = self.hand.actuator(finger, actuator).map(|it| &it.name);
+                    (finger, name, "")
+                }
             };
-            let names = self.hand.fingers.get(finger);
-            let names = names.and_then(|it| Some((&*it.name, &*it.joints.get(joint)?.name)));
+            let finger = self.hand.fingers.get(finger).map(|it| &*it.name);
             let row = Row {
-                names: names.unwrap_or_default(),
+                names: finger.zip(names.map(|it| &**it)).unwrap_or_default(),
                 values: *values,
-                mode: mode(self.servos.status(finger.min(FINGERS)), joint),
+                columns: if place < ALL { &JOINT } else { &ACTUATOR },
+                mode,
             };
             show(self.background, format_args!("{row}"));
         }
@@ -234,7 +274,7 @@ fn show<M: Machine>(background: &Background<'_, M>, line: fmt::Arguments<'_>) {
 
 impl<W: MemoryWindow> Source<W> {
     /// Takes over the values of the last row; of a loop that has ended, none.
-    fn read(&mut self, values: &mut [Option<Values>; ALL]) {
+    fn read(&mut self, values: &mut [Option<Values>; ROWS]) {
         let mut words = [0; WORDS];
         let mut last = Ok(false);
         // As many rows as a ring may have at most.
@@ -251,8 +291,8 @@ impl<W: MemoryWindow> Source<W> {
         if last == Ok(false) {
             return;
         }
-        for &(joint, column, number) in &self.columns {
-            let Some(place) = values.get_mut(usize::from(joint)) else {
+        for &(row, column, number) in &self.columns {
+            let Some(place) = values.get_mut(usize::from(row)) else {
                 continue;
             };
             if last.is_err() {
@@ -260,7 +300,7 @@ impl<W: MemoryWindow> Source<W> {
                 continue;
             }
             let word = words.get(number.wrapping_sub(self.first) as usize);
-            let all = place.get_or_insert([f32::NAN; COLUMNS.len()]);
+            let all = place.get_or_insert([f32::NAN; JOINT.len()]);
             if let (Some(word), Some(value)) = (word, all.get_mut(usize::from(column))) {
                 *value = f32::from_bits(*word);
             }
@@ -268,35 +308,42 @@ impl<W: MemoryWindow> Source<W> {
     }
 }
 
-/// Over the rows.
-struct Titles;
+/// The row of an actuator.
+const fn row_of(finger: usize, actuator: usize) -> usize {
+    ALL + finger * ACTUATORS + actuator
+}
+
+/// Over the rows: the title of the names, the columns, and the title behind them.
+struct Titles(&'static str, &'static [Column], &'static str);
 
 impl Display for Titles {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:<NAME$}", "joint")?;
-        for (_, title, _) in COLUMNS {
+        let Self(names, columns, last) = self;
+        write!(f, "{names:<NAME$}")?;
+        for (_, title, _) in *columns {
             write!(f, "{title:>VALUE$}")?;
         }
-        f.write_str("  mode")
+        f.write_str(last)
     }
 }
 
-/// A joint.
+/// A joint or an actuator.
 struct Row<'h> {
     names: (&'h str, &'h str),
     values: Option<Values>,
+    columns: &'static [Column],
     mode: &'static str,
 }
 
 impl Display for Row<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut name = heapless::String::<NAME_BYTES>::new();
-        let (finger, joint) = self.names;
+        let (finger, part) = self.names;
         // The names of a configuration are short enough.
-        let _ = write!(name, "{finger}.{joint}");
+        let _ = write!(name, "{finger}.{part}");
         write!(f, "{name:<NAME$}")?;
-        let values = self.values.unwrap_or([f32::NAN; COLUMNS.len()]);
-        for (value, (_, _, decimals)) in values.iter().zip(COLUMNS) {
+        let values = self.values.unwrap_or([f32::NAN; JOINT.len()]);
+        for (value, &(_, _, decimals)) in values.iter().zip(self.columns) {
             let mut text = heapless::String::<24>::new();
             // A value that is not finite is not known, or not controlled; no other has as many digits.
             let _ = if value.is_finite() {
@@ -306,7 +353,10 @@ impl Display for Row<'_> {
             };
             write!(f, "{text:>VALUE$}")?;
         }
-        write!(f, "  {}", self.mode)
+        if !self.mode.is_empty() {
+            write!(f, "  {}", self.mode)?;
+        }
+        Ok(())
     }
 }
 
@@ -330,17 +380,30 @@ mod tests {
         let row = |values| Row {
             names: ("index", "abduction"),
             values,
+            columns: &JOINT,
             mode: "position",
         };
-        let full = row(Some([-1.23456, 0.5, f32::NAN, 12.345, 130.0])).to_string();
+        let full = row(Some([-1.23456, 0.5, f32::NAN])).to_string();
         assert_eq!(
             full,
-            "index.abduction     -1.2346    0.5000         -     12.35    130.00  position"
+            "index.abduction            -1.2346    0.5000         -  position"
         );
-        let titles = Titles.to_string();
+        let titles = Titles("joint", &JOINT, "  mode").to_string();
         assert_eq!(titles.find("  mode"), full.find("  position"));
         assert!(full.len() < 80);
         let none = row(None).to_string();
-        assert_eq!(none.matches(" -").count(), COLUMNS.len(), "{none}");
+        assert_eq!(none.matches(" -").count(), JOINT.len(), "{none}");
+        let actuator = Row {
+            names: ("index", "abduction-flexor"),
+            values: Some([12.345, 130.0, f32::NAN]),
+            columns: &ACTUATOR,
+            mode: "",
+        };
+        let titles = Titles("actuator", &ACTUATOR, "").to_string();
+        assert_eq!(titles.len(), actuator.to_string().len());
+        assert_eq!(
+            actuator.to_string(),
+            "index.abduction-flexor       12.35    130.00         -"
+        );
     }
 }

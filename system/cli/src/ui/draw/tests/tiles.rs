@@ -117,7 +117,7 @@ impl Robot for Arm {
             name: "forearm".into(),
             radius_m: 0.0,
             points: vec![[0.0; 3], [0.0, 0.2, 0.0]],
-            tension: None,
+            effort: None,
         }]
     }
 

@@ -1,6 +1,5 @@
 use super::{FaultCode, FaultSite};
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
-use crate::tendon::Pair;
 
 /// A limit of a value. The value has a fault once it is beyond the limit in `samples` samples in a
 /// row; 0 samples switch the check off.
@@ -40,7 +39,7 @@ pub struct Stuck {
     pub samples: u16,
 }
 
-/// The limits beyond which the sensor of a tendon or a joint has a fault.
+/// The limits beyond which the sensor of an actuator or a joint has a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorFaultLimits {
     /// The number of samples in a row that are not finite or implausible after which the sensor is
@@ -54,15 +53,13 @@ pub struct SensorFaultLimits {
     pub tracking: Threshold,
 }
 
-/// The limits beyond which a tendon has a fault, N.
+/// The limits beyond which an actuator has a fault, N or N m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TendonFaultLimits {
-    /// The limits of its sensor.
+pub struct ActuatorFaultLimits {
+    /// The limits of the sensor of its effort.
     pub sensor: SensorFaultLimits,
-    /// The tension, N, below which a tendon is slack or broken.
-    pub slack: Threshold,
-    /// The tension, N, above which a tendon may break.
-    pub over_tension: Threshold,
+    /// The efforts that do no harm. Below them a tendon is slack or broken; above them it may break.
+    pub effort: FaultRange,
 }
 
 /// The limits beyond which a joint has a fault, rad.
@@ -74,11 +71,11 @@ pub struct JointFaultLimits {
     pub limit: FaultRange,
 }
 
-/// The limits beyond which a finger has a fault: those of its tendons, its joints and its timing.
+/// The limits beyond which a finger has a fault: those of its actuators, its joints and its timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FaultLimits<const N: usize> {
-    /// The limits of the tendons of each joint.
-    pub tendons: [Pair<TendonFaultLimits>; N],
+pub struct FaultLimits<const N: usize, const A: usize> {
+    /// The limits of each actuator.
+    pub actuators: [ActuatorFaultLimits; A],
     /// The limits of each joint.
     pub joints: [JointFaultLimits; N],
     /// The longest time between two ticks, s; a time that is *n* times as long counts as *n*
@@ -88,16 +85,16 @@ pub struct FaultLimits<const N: usize> {
     pub set_point_age_s: Threshold,
 }
 
-impl<const N: usize> FaultLimits<N> {
+impl<const N: usize, const A: usize> FaultLimits<N, A> {
     /// Checks that all limits can be used, including those of checks that are switched off.
     ///
     /// # Errors
     /// [`NumberError`] for the first limit that is not finite, negative, or out of order.
     pub fn check(&self) -> Result<(), NumberError> {
-        for (joint, (tendons, limits)) in self.tendons.iter().zip(&self.joints).enumerate() {
-            let sites = FaultSite::tendons(joint);
-            tendons.flexor.check(sites.flexor)?;
-            tendons.extensor.check(sites.extensor)?;
+        for (actuator, limits) in self.actuators.iter().enumerate() {
+            limits.check(FaultSite::Actuator(actuator))?;
+        }
+        for (joint, limits) in self.joints.iter().enumerate() {
             limits.check(FaultSite::Joint(joint))?;
         }
         let finger = FaultSite::Finger;
@@ -106,11 +103,10 @@ impl<const N: usize> FaultLimits<N> {
     }
 }
 
-impl TendonFaultLimits {
+impl ActuatorFaultLimits {
     fn check(&self, site: FaultSite) -> Result<(), NumberError> {
         self.sensor.check(site)?;
-        threshold(site, FaultCode::Slack, self.slack.value)?;
-        threshold(site, FaultCode::OverTension, self.over_tension.value)
+        range(site, FaultCode::LowEffort, &self.effort)
     }
 }
 

@@ -1,15 +1,15 @@
-use condor_hand::tendon::{MomentArms, Pair, TensionGains, TensionServos};
-use condor_hand::transmission::EffortLimits;
+use condor_hand::servo::{EffortGains, EffortServos};
+use condor_hand::transmission::{EffortLimits, Linear};
 use nalgebra::SVector;
 
 use crate::Shipped;
 use crate::corpus::{Between, any};
 use crate::digest::Digest;
 
-/// Converts torques to tensions: within the range of the tendons, beyond it, and for values that are not
+/// Converts torques to efforts: within the limits of the actuators, beyond them, and for values that are not
 /// torques.
 pub(crate) fn allocation(digest: &mut Digest, hand: &Shipped) -> Option<()> {
-    let rows = *hand.fingers.first()?.moment_arms().ok()?.rows();
+    let arms = *hand.fingers.first()?.transmission().ok()?.arms();
     let mut between = Between::seeded(5);
     for bias in [4.0, 7.0, 20.0] {
         let limits = EffortLimits {
@@ -17,14 +17,14 @@ pub(crate) fn allocation(digest: &mut Digest, hand: &Shipped) -> Option<()> {
             high: 130.0,
             bias,
         };
-        let arms = MomentArms::new(rows, [Pair::both(limits); 4]).ok()?;
+        let linear = Linear::new(arms, [limits; 8]).ok()?;
         let mut allocate = |torque: &SVector<f64, 4>| {
-            let allocated = arms.allocate(torque);
-            digest.pairs(&allocated.tensions);
+            let allocated = linear.efforts(torque);
+            digest.numbers(&allocated.effort);
             digest.numbers(&allocated.torque);
             digest.bits(u64::from(allocated.saturated));
             digest.bits(u64::from(allocated.not_finite));
-            digest.pairs(&arms.length_rates(&allocated.torque));
+            digest.numbers(&linear.actuators(&allocated.torque));
         };
         for size in [0.05, 0.5, 5.0] {
             for _ in 0..40 {
@@ -43,12 +43,17 @@ pub(crate) fn allocation(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// Converts tensions to commands.
+/// Converts efforts to commands.
 pub(crate) fn servos(digest: &mut Digest, _: &Shipped) -> Option<()> {
     let mut between = Between::seeded(6);
-    for (kt, ki, kd, kv) in [(1.0, 0.0, 0.0, 0.0), (0.5, 20.0, 0.001, 30.0)] {
-        let gains = TensionGains { kt, ki, kd, kv };
-        let mut servos = TensionServos::new([gains], [130.0], 400.0).ok()?;
+    let limits = EffortLimits {
+        low: 4.0,
+        high: 130.0,
+        bias: 7.0,
+    };
+    for (kp, ki, kd, kv) in [(1.0, 0.0, 0.0, 0.0), (0.5, 20.0, 0.001, 30.0)] {
+        let gains = EffortGains { kp, ki, kd, kv };
+        let mut servos = EffortServos::new([gains], &[limits], 400.0).ok()?;
         let mut update = |digest: &mut Digest, desired: f64, measured: f64, rate: f64| {
             digest.numbers(&servos.update(&[desired], &[measured], &[rate]));
         };

@@ -2,20 +2,19 @@ use nalgebra::SVector;
 
 use super::sensor::{Latch, Limits, Run, Sensor};
 use super::{
-    FaultCode, FaultLimits, FaultSite, FingerFault, JointFaultLimits, SensorFaultLimits,
-    TendonFaultLimits,
+    ActuatorFaultLimits, FaultCode, FaultLimits, FaultSite, FingerFault, JointFaultLimits,
+    SensorFaultLimits,
 };
 use crate::NumberError;
 use crate::math::is_finite;
-use crate::tendon::{Pair, TendonPairs};
 
 /// The desired and measured values of a finger in one tick, which a [`FingerMonitor`] checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observation<'a, const N: usize> {
-    /// The desired tensions, N.
-    pub desired_tensions: &'a TendonPairs<f64, N>,
-    /// The measured tensions, N.
-    pub tensions: &'a TendonPairs<f64, N>,
+pub struct Observation<'a, const N: usize, const A: usize> {
+    /// The desired efforts, N or N m.
+    pub desired_efforts: &'a [f64; A],
+    /// The measured efforts, N or N m.
+    pub efforts: &'a [f64; A],
     /// The desired positions, rad; `None` for joints whose position is not controlled.
     pub desired_positions: &'a [Option<f64>; N],
     /// The measured positions, rad.
@@ -29,32 +28,32 @@ pub struct Observation<'a, const N: usize> {
     pub set_point_age_s: f64,
 }
 
-/// A monitor that detects faults of one finger: it checks the tendons, the joints and the timing in
+/// A monitor that detects faults of one finger: it checks the actuators, the joints and the timing in
 /// every tick, and latches the first fault.
 ///
-/// A check that fails in as many samples in a row as its limit says is a fault. A tension or
-/// position that is not finite does not count for the other checks of that tendon or joint; those
+/// A check that fails in as many samples in a row as its limit says is a fault. An effort or
+/// position that is not finite does not count for the other checks of that actuator or joint; those
 /// continue with the next sample. A time that is not finite counts as too long.
 #[derive(Clone, Copy, Debug)]
-pub struct FingerMonitor<const N: usize> {
-    limits: FaultLimits<N>,
-    state: FingerState<N>,
+pub struct FingerMonitor<const N: usize, const A: usize> {
+    limits: FaultLimits<N, A>,
+    state: FingerState<N, A>,
 }
 
 /// All that `clear` forgets.
 #[derive(Clone, Copy, Debug)]
-struct FingerState<const N: usize> {
-    tendons: [Pair<Sensor<2>>; N],
+struct FingerState<const N: usize, const A: usize> {
+    actuators: [Sensor<2>; A],
     joints: [Sensor<1>; N],
     period: Run,
     set_point: Run,
     first: Option<FingerFault>,
 }
 
-impl<const N: usize> FingerState<N> {
+impl<const N: usize, const A: usize> FingerState<N, A> {
     fn new() -> Self {
         Self {
-            tendons: [Pair::both(Sensor::new()); N],
+            actuators: [Sensor::new(); A],
             joints: [Sensor::new(); N],
             period: Run::default(),
             set_point: Run::default(),
@@ -63,12 +62,12 @@ impl<const N: usize> FingerState<N> {
     }
 }
 
-impl<const N: usize> FingerMonitor<N> {
+impl<const N: usize, const A: usize> FingerMonitor<N, A> {
     /// Makes a monitor with these limits, in which no fault has occurred yet.
     ///
     /// # Errors
     /// [`NumberError`] for the first limit that is wrong.
-    pub fn new(limits: FaultLimits<N>) -> Result<Self, NumberError> {
+    pub fn new(limits: FaultLimits<N, A>) -> Result<Self, NumberError> {
         limits.check()?;
         Ok(Self {
             limits,
@@ -77,7 +76,7 @@ impl<const N: usize> FingerMonitor<N> {
     }
 
     /// Returns the limits.
-    pub(crate) const fn limits(&self) -> &FaultLimits<N> {
+    pub(crate) const fn limits(&self) -> &FaultLimits<N, A> {
         &self.limits
     }
 
@@ -85,7 +84,7 @@ impl<const N: usize> FingerMonitor<N> {
     ///
     /// # Errors
     /// [`NumberError`] for the first limit that is wrong; all limits stay then.
-    pub fn set_limits(&mut self, limits: FaultLimits<N>) -> Result<(), NumberError> {
+    pub fn set_limits(&mut self, limits: FaultLimits<N, A>) -> Result<(), NumberError> {
         limits.check()?;
         self.limits = limits;
         Ok(())
@@ -93,27 +92,17 @@ impl<const N: usize> FingerMonitor<N> {
 
     /// Checks the values of one tick. Returns the first fault since the last
     /// [`clear`](Self::clear), which may be an earlier one; `None` if there was none.
-    pub fn update(&mut self, observation: &Observation<'_, N>) -> Option<FingerFault> {
+    pub fn update(&mut self, observation: &Observation<'_, N, A>) -> Option<FingerFault> {
         let Self { limits, state } = self;
         let first = &mut state.first;
-        let samples = observation
-            .desired_tensions
-            .iter()
-            .zip(observation.tensions);
-        let tendons = state.tendons.iter_mut().zip(&limits.tendons);
-        for (joint, ((checks, limits), (desired, measured))) in tendons.zip(samples).enumerate() {
-            let sites = FaultSite::tendons(joint);
-            let (site, desired_n, sample) = (sites.flexor, desired.flexor, (measured.flexor, true));
+        let samples = observation.desired_efforts.iter().zip(observation.efforts);
+        let actuators = state.actuators.iter_mut().zip(&limits.actuators);
+        for (actuator, ((checks, limits), (&desired, &measured))) in
+            actuators.zip(samples).enumerate()
+        {
+            let site = FaultSite::Actuator(actuator);
             let latch = &mut Latch { first, site };
-            checks
-                .flexor
-                .update(&limits.flexor, Some(desired_n), sample, latch);
-            let (site, desired_n, sample) =
-                (sites.extensor, desired.extensor, (measured.extensor, true));
-            let latch = &mut Latch { first, site };
-            checks
-                .extensor
-                .update(&limits.extensor, Some(desired_n), sample, latch);
+            checks.update(limits, Some(desired), (measured, true), latch);
         }
         let samples = observation
             .desired_positions
@@ -151,20 +140,22 @@ impl<const N: usize> FingerMonitor<N> {
     }
 }
 
-impl Limits<2> for TendonFaultLimits {
+impl Limits<2> for ActuatorFaultLimits {
     fn sensor(&self) -> &SensorFaultLimits {
         &self.sensor
     }
 
     fn own(&self) -> [(FaultCode, u16); 2] {
-        let over = (FaultCode::OverTension, self.over_tension.samples);
-        [(FaultCode::Slack, self.slack.samples), over]
+        let samples = self.effort.samples;
+        [
+            (FaultCode::LowEffort, samples),
+            (FaultCode::HighEffort, samples),
+        ]
     }
 
     #[inline]
     fn fails(&self, measured: f64) -> [bool; 2] {
-        let over = self.over_tension.is_below(measured);
-        [measured < self.slack.value, over]
+        [measured < self.effort.low, measured > self.effort.high]
     }
 }
 
