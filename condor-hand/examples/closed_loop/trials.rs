@@ -27,7 +27,7 @@ pub(crate) struct Errors {
     pub(crate) restless_deg: f64,
     /// The range that the command of an actuator goes through at rest, N.
     pub(crate) restless_n: f64,
-    /// How far the effort of an actuator at rest is below the least one of the configuration at most, N.
+    /// The greatest lack of an effort at rest below the least one of the configuration, N.
     pub(crate) short_n: f64,
 }
 

@@ -39,7 +39,7 @@ const VALUE: usize = 10;
 /// The most variables of a loop from the first to the last that is shown.
 const WORDS: usize = 128;
 
-type Column = (&'static str, &'static str, usize);
+type Column = (&'static str, &'static str, u8);
 /// The values of a row's variables.
 type Values = [f32; JOINT.len()];
 
@@ -346,6 +346,7 @@ impl Display for Row<'_> {
         for (value, &(_, _, decimals)) in values.iter().zip(self.columns) {
             let mut text = heapless::String::<24>::new();
             // A value that is not finite is not known, or not controlled; no other has as many digits.
+            let decimals = usize::from(decimals);
             let _ = if value.is_finite() {
                 write!(text, "{:.decimals$}", Decimal(f64::from(*value)))
             } else {
