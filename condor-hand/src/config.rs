@@ -1,6 +1,6 @@
 //! The configuration of a hand, in one file.
 //!
-//! The file assigns joints to processors, and A/D and D/A channels to joints, and has every number
+//! The file assigns joints to processors, and A/D and D/A channels to joints and actuators, and has every number
 //! that a controller uses. If a wire moves to another connector, edit the file; no program is
 //! changed or compiled again. Section 4.2 of A. I. Memo 977 proposes such a central file.
 //!

@@ -2,7 +2,7 @@
 //!
 //! Core prints and reads floating point to the last bit, by code with internal checks that panic.
 //! Firmware that is checked to contain no path to a panic cannot use it; so the errors of control,
-//! from set-points to tendons, print their numbers in this way.
+//! from set-points to actuators, print their numbers in this way.
 
 use core::fmt::{self, Write as _};
 

@@ -1,7 +1,7 @@
-//! A simulated hand: fingers pulled by tendons, and an object that they touch.
+//! A simulated hand: fingers with their actuators, and an object that they touch.
 //!
 //! A [`SimFinger`] is a mechanism with [`Kinematics`](crate::kinematics::Kinematics) and
-//! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`SimDrive`] for each tendon.
+//! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`SimDrive`] for each actuator.
 //! A [`SimHand`] has fingers, a [`SimObject`] that their tips touch, and a [`SimTable`] that carries the
 //! palm.
 //!

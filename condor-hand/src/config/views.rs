@@ -239,7 +239,8 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
     }
 
     /// Returns the torque that each joint can have to either side by the actuators that [belong](Linear::joint_of) to it,
-    /// whatever the others do, N m, or N for a sliding joint. A joint without such actuators has what all give it.
+    /// N m, or N for a sliding joint. A joint without actuators of its own has the torque that all give it, which it then
+    /// shares with others.
     #[must_use]
     pub fn own_torques(&self) -> SVector<f64, JOINTS> {
         let is_own = |place: usize, joint: usize| self.joint_of(place) == Some(joint);

@@ -86,6 +86,8 @@ pub struct FingerController<M, T, const N: usize, const A: usize> {
 pub struct FingerTick<const N: usize, const A: usize> {
     /// The commands of the actuators, with their reasons; after a fault, on the way to rest.
     pub output: ServoOutput<N, A>,
+    /// The efforts that count as measured, N or N m: the desired ones of actuators without a sensor.
+    pub effort: [f64; A],
     /// The desired positions of the joints, rad; `None` for joints whose position is not
     /// controlled.
     pub target: [Option<f64>; N],
@@ -540,6 +542,7 @@ where
         self.command = output.command;
         FingerTick {
             output,
+            effort: sensed.effort,
             target,
             fault,
         }

@@ -1,6 +1,5 @@
 //! [`Watch`]: the motions of a finger's joints, and those that a guard has stopped.
 
-use crate::math::{abs, is_finite};
 use crate::servo::FingerReadings;
 use crate::trajectory::{MotionGuard, StopGuard};
 use crate::transmission::Linear;
@@ -106,17 +105,7 @@ impl<const N: usize> Watch<N> {
         mut position: impl FnMut(usize) -> Option<f64>,
     ) {
         let torques = linear.torque(&sensed.effort);
-        let mut efforts = [0.0; N];
-        for (actuator, &effort) in sensed.effort.iter().enumerate() {
-            let joint = linear.joint_of(actuator);
-            if let Some(most) = joint.and_then(|joint| efforts.get_mut(joint)) {
-                // An effort that is not finite is kept.
-                let is_more = abs(effort) > *most || !is_finite(effort);
-                if is_more && is_finite(*most) {
-                    *most = abs(effort);
-                }
-            }
-        }
+        let efforts = linear.greatest_efforts(&sensed.effort);
         let guards = self.guards;
         let measured = torques.iter().zip(&efforts);
         for (joint, (guard, (&torque, &effort))) in guards.iter().zip(measured).enumerate() {

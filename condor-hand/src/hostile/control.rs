@@ -126,6 +126,7 @@ fn vary_actuator(actuator: &mut Actuator<4>, source: &mut Source<'_>) {
         },
         10 => {
             (actuator.adc, actuator.faults) = (None, EffortFaults::default());
+            (actuator.gains, actuator.cutoff_hz) = (EffortGains::default(), None);
             return;
         }
         _ => actuator.cutoff_hz.insert(80.0),

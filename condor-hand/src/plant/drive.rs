@@ -48,7 +48,11 @@ impl SimDrive {
             DriveKind::Euler { time_constant_s } | DriveKind::Exact { time_constant_s } => {
                 positive("the time constant of a drive, s", *time_constant_s)
             }
-            DriveKind::Pneumatic(pneumatic) => pneumatic.check(),
+            DriveKind::Pneumatic(pneumatic) => {
+                let what = "the least effort of a pneumatic drive, which cannot push,";
+                check(what, self.low, Requirement::AtLeast(0.0))?;
+                pneumatic.check()
+            }
         }
     }
 
@@ -63,6 +67,7 @@ impl SimDrive {
     /// One update of `dt` seconds, while the joints move it at `rate` (m/s or rad/s); returns the effort that
     /// acts on the joints during it.
     pub(super) fn update(&self, state: &mut DriveState, command: f64, rate: f64, dt: f64) -> f64 {
+        let command = if command.is_nan() { 0.0 } else { command };
         let command = clamp(command, self.low, self.high);
         match (&self.kind, state) {
             (DriveKind::Euler { time_constant_s }, DriveState::Effort(effort)) => {

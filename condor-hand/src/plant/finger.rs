@@ -90,8 +90,8 @@ where
     pub fn reset(&mut self, q: SVector<f64, N>, efforts: [f64; A]) -> Result<(), NumberError> {
         all_finite("a joint position to begin from, rad", q.iter())?;
         for (&effort, drive) in efforts.iter().zip(&self.parameters.drives) {
-            let above = Requirement::AtLeast(drive.low);
-            check("an effort to begin from", effort, above)?;
+            let within = Requirement::Within(drive.low, drive.high);
+            check("an effort to begin from", effort, within)?;
         }
         self.q = q;
         self.qd = SVector::zeros();

@@ -203,8 +203,13 @@ where
             .get_mut(joint)
             .ok_or(ServoRefusal::no_joint(joint, N))?;
         servo.check(joint, &target)?;
-        self.changed |= target.mode() != servo.target.mode();
+        let is_new = target.mode() != servo.target.mode();
+        self.changed |= is_new;
         let target = servo.between_stops(target);
+        if is_new && target == JointTarget::Effort {
+            let kept = self.kept();
+            self.give(joint, &kept);
+        }
         self.take(joint, target);
         if let Some(hold) = self.holds.get_mut(joint) {
             *hold = None;
@@ -249,29 +254,40 @@ where
         let Some(servo) = self.joints.get_mut(joint) else {
             return;
         };
-        let is_new = servo.target.mode() != target.mode();
-        let begins = servo.take(target);
-        if !begins {
+        if !servo.take(target) {
             return;
         }
-        let limits = *self.linear().limits();
-        for (actuator, limits) in limits.iter().enumerate() {
-            let arms = self.linear().arms().get(actuator);
-            let arm = arms.and_then(|arms| arms.get(joint));
-            if arm.is_none_or(|&arm| arm == 0.0) {
-                continue;
+        let linear = self.transmission.linear();
+        for (actuator, mean) in self.means.iter_mut().enumerate() {
+            if linear.joint_of(actuator) == Some(joint) {
+                *mean = Mean::new();
             }
-            let is_own = self.linear().joint_of(actuator) == Some(joint);
-            let of_each = (self.means.get_mut(actuator), self.given.get_mut(actuator));
-            let (Some(mean), Some(given)) = of_each else {
-                continue;
-            };
-            if is_own && is_new && target == JointTarget::Effort {
-                let kept = self.desired.get(actuator).copied().unwrap_or(0.0);
-                *given = limits.clamp(mean.effort().unwrap_or(kept));
-            }
-            *mean = Mean::new();
         }
+    }
+
+    /// Gives the actuators of a joint the efforts that they keep in [`ServoMode::Effort`].
+    fn give(&mut self, joint: usize, kept: &[f64; A]) {
+        let linear = self.transmission.linear();
+        let all = self.given.iter_mut().zip(kept).zip(linear.limits());
+        for (actuator, ((given, kept), limits)) in all.enumerate() {
+            if linear.joint_of(actuator) == Some(joint) {
+                *given = limits.clamp(*kept);
+            }
+        }
+    }
+
+    /// The efforts that actuators keep when the mode of their joint changes: the mean where a law of the joint asks for
+    /// a torque, or else the last one, N or N m.
+    fn kept(&self) -> [f64; A] {
+        let mut kept = self.desired;
+        for (actuator, (effort, mean)) in kept.iter_mut().zip(&self.means).enumerate() {
+            let joint = self.linear().joint_of(actuator);
+            let servo = joint.and_then(|joint| self.joints.get(joint));
+            if servo.is_some_and(JointServo::is_active) {
+                *effort = mean.effort().unwrap_or(*effort);
+            }
+        }
+        kept
     }
 
     /// The next set-point of a joint that follows positions; one that it cannot have is refused.
@@ -628,14 +644,7 @@ where
         if self.holds.iter().all(Option::is_none) {
             return None;
         }
-        let mut means = self.desired;
-        for (actuator, (effort, mean)) in means.iter_mut().zip(&self.means).enumerate() {
-            let joint = self.linear().joint_of(actuator);
-            let servo = joint.and_then(|joint| self.joints.get(joint));
-            if servo.is_some_and(JointServo::is_active) {
-                *effort = mean.effort().unwrap_or(*effort);
-            }
-        }
+        let means = self.kept();
         let torque = self.linear().torque(&means);
         let loads =
             self.mechanism.gravity_torque(position, gravity) + self.stops(position, velocity);
@@ -651,6 +660,9 @@ where
             }
             if let Some(mode) = hold.take() {
                 let target = servo.hold(mode, position[joint], torque[joint], loads[joint]);
+                if target == JointTarget::Effort {
+                    self.give(joint, &means);
+                }
                 self.take(joint, target);
                 self.changed = true;
                 let keeps_it = !matches!(mode, ServoMode::Off | ServoMode::Position);
@@ -715,11 +727,25 @@ where
         } else {
             zero
         };
-        let measured = if turns {
+        let mut measured = if turns {
             self.linear().torque(effort)
         } else {
             zero
         };
+        if turns && self.sensed.contains(&false) {
+            let arms = self.transmission.linear().arms();
+            for (arms, _) in arms
+                .iter()
+                .zip(&self.sensed)
+                .filter(|(_, sensed)| !**sensed)
+            {
+                for (measured, arm) in measured.iter_mut().zip(arms) {
+                    if *arm != 0.0 {
+                        *measured = f64::NAN;
+                    }
+                }
+            }
+        }
 
         let stop = self.stops(position, velocity);
 

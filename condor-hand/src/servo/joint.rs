@@ -32,7 +32,7 @@ pub(super) struct JointServo {
 pub(super) struct Felt {
     pub(super) position: f64,
     pub(super) rate: f64,
-    /// The torque of the measured efforts, N m.
+    /// The torque of the measured efforts, N m; NaN if an actuator of the joint has no sensor.
     pub(super) torque: f64,
     /// The torque of the inverse dynamics, for the accelerations that the laws ask for, N m.
     pub(super) inverse: f64,
@@ -266,7 +266,12 @@ impl JointServo {
         let law = match self.target {
             JointTarget::Off | JointTarget::Effort => return 0.0,
             JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
-                torque + self.gains.k_torque * (torque - felt.torque)
+                let error = torque - felt.torque;
+                if is_finite(error) {
+                    torque + self.gains.k_torque * error
+                } else {
+                    torque
+                }
             }
             JointTarget::Position(_) | JointTarget::Impedance { .. } if !self.seen => {
                 return 0.0;

@@ -5,7 +5,7 @@ use crate::trajectory::SetPoint;
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
 pub enum ServoMode {
-    /// The joint has no torque; its actuators have the least efforts with which the others can have theirs.
+    /// The joint has no torque, and its actuators have efforts as near to those at rest as the other joints permit.
     #[default]
     Off,
     /// The actuators of the joint have efforts that the user sets.

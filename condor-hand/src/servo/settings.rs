@@ -7,7 +7,8 @@ use crate::number::{NumberError, Requirement, check, finite, not_negative};
 pub struct JointGains {
     /// The law by which it follows positions.
     pub law: PositionLaw,
-    /// The fraction of the torque error (desired less measured) that is added to a torque.
+    /// The fraction of the torque error (desired less measured) that is added to a torque, if sensors measure the efforts of
+    /// all actuators of the joint.
     pub k_torque: f64,
 }
 

@@ -3,7 +3,7 @@ use nalgebra::SVector;
 use super::EffortLimits;
 use super::search::{Actuated, Arms, Rows};
 use crate::Subject;
-use crate::math::{is_finite, max, min};
+use crate::math::{abs, is_finite, max, min};
 use crate::number::{NumberError, Requirement, finite};
 
 /// A transmission whose arms are the same in every posture: the matrix P of `torque = P effort`, and the limits of the
@@ -107,6 +107,34 @@ impl<const N: usize, const A: usize> Linear<N, A> {
     #[must_use]
     pub fn joint_of(&self, actuator: usize) -> Option<usize> {
         self.arms.get(actuator)?.iter().rposition(|&arm| arm != 0.0)
+    }
+
+    /// Returns the greatest effort of the actuators of each joint, to either side, N or N m: of those that belong to it, or
+    /// of all that move it if none does. An effort that is not finite counts as the greatest.
+    #[must_use]
+    pub fn greatest_efforts(&self, effort: &[f64; A]) -> [f64; N] {
+        let mut greatest = [0.0; N];
+        let mut has_own = [false; N];
+        for actuator in 0..A {
+            if let Some(has_own) = self
+                .joint_of(actuator)
+                .and_then(|joint| has_own.get_mut(joint))
+            {
+                *has_own = true;
+            }
+        }
+        for (actuator, (arms, &effort)) in self.arms.iter().zip(effort).enumerate() {
+            let own = self.joint_of(actuator);
+            let joints = greatest.iter_mut().zip(arms).zip(&has_own);
+            for (joint, ((greatest, &arm), &has_own)) in joints.enumerate() {
+                let counts = own == Some(joint) || !has_own && arm != 0.0;
+                let is_more = abs(effort) > *greatest || !is_finite(effort);
+                if counts && is_more && is_finite(*greatest) {
+                    *greatest = abs(effort);
+                }
+            }
+        }
+        greatest
     }
 
     /// Returns the torques of the joints that efforts (N, or N m) produce, N m, or N for a sliding joint: `P effort`.

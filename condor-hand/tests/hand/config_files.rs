@@ -8,6 +8,7 @@ use condor_hand::config::{
     Channel, Converter, EffortFaults, Form, Hand, InputChannel, Mistake, MistakeValue,
     OutputChannel, Rotation, Wire,
 };
+use condor_hand::servo::EffortGains;
 use condor_hand::{ImageError, Subject};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -394,6 +395,7 @@ fn hands() -> impl Strategy<Value = Utah> {
                         if kept < 2 {
                             // Motors that no sensor watches.
                             (actuator.adc, actuator.faults) = (None, EffortFaults::default());
+                            (actuator.gains, actuator.cutoff_hz) = (EffortGains::default(), None);
                         }
                     }
                     finger.joints[2].body = None;

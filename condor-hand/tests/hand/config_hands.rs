@@ -219,6 +219,31 @@ fn a_hand_of_another_kind_is_described_too() {
 }
 
 #[test]
+fn actuators_of_a_finger_that_is_like_another_are_found_by_their_names() {
+    let text = include_str!("../hands/differential.toml");
+    let second = "
+[[fingers]]
+name = \"other\"
+like = \"wrist\"
+actuators = [
+    { name = \"right\", dac = { channel = 2 } },
+    { name = \"left\", dac = { channel = 3 } },
+]
+
+[[fingers.joints]]
+adc = { channel = 2 }
+
+[[fingers.joints]]
+adc = { channel = 3 }
+";
+    let text = [text, second].concat();
+    let hand = Hand::<2, 2, 2>::from_toml(&text, "two.toml").unwrap();
+    let roll = &hand.fingers[1].joints[1].name;
+    let arms = hand.fingers[1].actuators.iter().map(|it| it.arm(roll));
+    assert_eq!(arms.collect::<Vec<_>>(), [-1.0, 1.0]);
+}
+
+#[test]
 fn a_differential_of_motors_is_described_too() {
     let text = include_str!("../hands/differential.toml");
     let hand = Hand::<1, 2, 2>::from_toml(text, "differential.toml").unwrap();

@@ -299,6 +299,15 @@ cases! {
     fault_without_a_sensor: DIFFERENTIAL,
         "pole_hz = 100.0" => "pole_hz = 100.0\nfaults = { below = -2.5 }",
         "hand.toml:47:5: `faults` of actuator `left` of finger `wrist` is needless; the actuator has no sensor of its effort (`adc`), so leave them out\n    { name = \"left\", arms = { pitch = 1.0, roll = 1.0 }, dac = { channel = 0 } }";
+    filter_without_a_sensor: DIFFERENTIAL,
+        "pole_hz = 100.0" => "pole_hz = 100.0\ncutoff_hz = 50.0",
+        "hand.toml:39:13: `cutoff_hz` of actuator `left` of finger `wrist` is needless; the actuator has no sensor of its effort (`adc`), so leave it out\n    50.0";
+    feedback_without_a_sensor: DIFFERENTIAL,
+        "pole_hz = 100.0" => "pole_hz = 100.0\ngains = { kp = 1.0 }",
+        "hand.toml:39:16: `gains.kp` of actuator `left` of finger `wrist` is 1; it must be 0, since the actuator has no sensor of its effort (`adc`)\n    1.0";
+    torque_gain_without_sensors: DIFFERENTIAL,
+        "bandwidth_hz = 8.0," => "bandwidth_hz = 8.0, k_tau = 0.5,",
+        "hand.toml:31:58: `servo.k_tau` of joint `pitch` of finger `wrist` is 0.5; it must be 0, since an actuator of the joint has no sensor of its effort (`adc`)\n    0.5";
     dac_of_one_sign: DIFFERENTIAL,
         "offset = 2048.0" => "offset = 0.0",
         "hand.toml:46:64: `dac` of actuator `left` of finger `wrist`: a value that it must convert is -2; it must be from 0 to 4.095, which its counts can mean; give it another gain or offset\n    { channel = 0 }";

@@ -225,6 +225,75 @@ fn a_motor_without_a_sensor_gets_the_effort_that_is_desired() {
 }
 
 #[test]
+fn a_torque_that_no_sensor_measures_is_not_corrected() {
+    let mut wrist = wrist_with(EffortGains::default(), false);
+    let gains = *wrist.servo.gains(ROLL).unwrap();
+    let k_torque = 1.5;
+    let gains = JointGains { k_torque, ..gains };
+    wrist.servo.set_gains(ROLL, &gains).unwrap();
+    let target = JointTarget::Torque(0.02);
+    wrist.servo.set_target(ROLL, target).unwrap();
+    wrist.run(102);
+    for _ in 0..20 {
+        let torque = wrist.tick().torque[ROLL];
+        assert!((torque - 0.02).abs() < 1e-12, "{torque} N m");
+    }
+}
+
+/// Readings of one count more and less, in turn, make a law ask for other efforts in each tick.
+#[test]
+fn joints_that_change_to_efforts_together_keep_the_means() {
+    let text = include_str!("../../hands/utah-mit.toml");
+    let hand = Hand::<4, 4, 8>::from_toml(text, "utah-mit.toml").unwrap();
+    let finger = &hand.fingers[0];
+    let (chain, transmission) = (finger.chain(), finger.transmission().unwrap());
+    let settings = finger.settings(400.0, 0.1);
+    let mut servo = FingerServo::new(chain, transmission, &settings).unwrap();
+    let start = SVector::from([0.1, 0.6, 0.8, 0.7]);
+    let mut effort = finger.efforts_at_rest();
+    let mut tick = |servo: &mut FingerServo<_, _, 4, 8>, number: u32| {
+        let count = if number % 2 == 0 { 7e-4 } else { -7e-4 };
+        let sensed = FingerReadings {
+            position: start + SVector::repeat(count),
+            effort,
+            touch: 0.0,
+        };
+        effort = servo
+            .tick(&sensed, &hand.gravity.into(), 1.0 / 400.0)
+            .effort;
+        effort
+    };
+    for joint in 0..4 {
+        let target = JointTarget::Position(SetPoint::rest(start[joint]));
+        servo.set_target(joint, target).unwrap();
+    }
+    let (mut mean, mut last) = ([0.0; 8], [0.0; 8]);
+    for number in 0..400 {
+        last = tick(&mut servo, number);
+        if number >= 360 {
+            for (mean, effort) in mean.iter_mut().zip(&last) {
+                *mean += effort / 40.0;
+            }
+        }
+    }
+    for joint in 0..4 {
+        servo.set_mode(joint, ServoMode::Effort).unwrap();
+    }
+    let mut kept = last;
+    for number in 400..460 {
+        kept = tick(&mut servo, number);
+    }
+    for (actuator, kept) in kept.iter().enumerate() {
+        let (is, was) = (
+            (kept - mean[actuator]).abs(),
+            last[actuator] - mean[actuator],
+        );
+        assert!(was.abs() > 0.05, "{actuator}: {was} N");
+        assert!(is < 0.1 * was.abs(), "{actuator}: {is} of {was} N");
+    }
+}
+
+#[test]
 fn a_motor_without_a_sensor_has_no_fault_of_one() {
     let hand = hand();
     let wrist = &hand.fingers[0];

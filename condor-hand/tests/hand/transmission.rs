@@ -574,3 +574,18 @@ proptest! {
         prop_assert_eq!(efforts.saturated & !asked, 0);
     }
 }
+
+#[test]
+fn a_joint_without_actuators_of_its_own_has_the_efforts_of_all_that_move_it() {
+    let motor = EffortLimits {
+        low: -2.0,
+        high: 2.0,
+        bias: 0.0,
+    };
+    let wrist = Linear::new([[1.0, 1.0], [1.0, -1.0]], [motor; 2]).unwrap();
+    assert_eq!(wrist.greatest_efforts(&[0.5, -1.0]), [1.0, 1.0]);
+    let one_each = Linear::new([[1.0, 0.0], [0.5, 1.0]], [motor; 2]).unwrap();
+    assert_eq!(one_each.greatest_efforts(&[0.5, -1.0]), [0.5, 1.0]);
+    let lost = one_each.greatest_efforts(&[f64::NAN, -1.0]);
+    assert!(lost[0].is_nan() && lost[1] == 1.0, "{lost:?}");
+}

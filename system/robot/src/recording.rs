@@ -15,7 +15,7 @@
 //!
 //! | channel | topic | a message has |
 //! |---|---|---|
-//! | 1 | `/servo/tick` | the time since the last tick as the loop took it; the counts of 52 inputs: of each finger the positions of the joints, the efforts of the actuators, and the force at the tip; a bit for each that could not be read, whose counts are 0 |
+//! | 1 | `/servo/tick` | the time since the last tick as the loop took it; the counts of 52 inputs: of each finger the positions of the joints, the efforts of the actuators, and the force at the tip, without those that have no sensor, one after another; a bit for each that could not be read, whose counts are 0 |
 //! | 2 | `/servo/palm` | its acceleration from this tick on; 0 before the first |
 //! | 3 | `/servo/order` | the number of a grasp's order, a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) |
 //! | 4 | `/servo/others` | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |

@@ -28,8 +28,8 @@
 //! | `grasp-2` | [`GraspLayout`] |
 //! | `recording` | the ring of a recording |
 //!
-//! When it ends it leaves its board of outputs open: the watchdog of that takes the efforts to
-//! least ones more gently than closing it would.
+//! When it ends it leaves its board of outputs open: the watchdog of that takes the actuators to
+//! rest more gently than closing it would.
 
 use core::fmt::{self, Arguments};
 use core::marker::PhantomData;

@@ -124,6 +124,16 @@ impl<const J: usize, const A: usize> Finger<J, A> {
                 return Err(at_joint(place).words("", "moved by no actuator", rule));
             }
         }
+        for (place, joint) in self.joints.iter().enumerate() {
+            let mut moving =
+                (self.actuators.iter()).filter(|actuator| actuator.arm(&joint.name) != 0.0);
+            let k_tau = joint.servo.k_tau;
+            if k_tau != 0.0 && moving.any(|actuator| actuator.adc.is_none()) {
+                let reason = ", since an actuator of the joint has no sensor of its effort (`adc`)";
+                let must = Requirement::Equal(0.0);
+                return Err(at_joint(place).off("servo.k_tau", k_tau, must, reason));
+            }
+        }
         let transmission = match self.transmission() {
             Ok(transmission) => transmission,
             // All numbers are finite and in order.
@@ -286,6 +296,23 @@ impl<const J: usize> Actuator<J> {
             greatest = above;
         }
         at.cutoff("cutoff_hz", self.cutoff_hz, rate_hz)?;
+        if self.adc.is_none() {
+            let reason = ", since the actuator has no sensor of its effort (`adc`)";
+            let feedback = [
+                ("gains.kp", gains.kp),
+                ("gains.ki", gains.ki),
+                ("gains.kd", gains.kd),
+            ];
+            for (key, value) in feedback {
+                if value != 0.0 {
+                    return Err(at.off(key, value, Requirement::Equal(0.0), reason));
+                }
+            }
+            if self.cutoff_hz.is_some() {
+                let rule = "the actuator has no sensor of its effort (`adc`), so leave it out";
+                return Err(at.words("cutoff_hz", "needless", rule));
+            }
+        }
         match &self.adc {
             Some(adc) => at.input(adc, [least, greatest])?,
             None if faults.below.or(faults.above).is_some() => {

@@ -116,7 +116,7 @@ fn tick<const J: usize>(
         -smooth * rate_hz * pass,
         1.0 - smooth,
     ];
-    let kp = actuator.gains.kp;
+    let kp = actuator.adc.map_or(0.0, |_| actuator.gains.kp);
     let mut command = [0.0, 0.0, -kp, 0.0, 0.0];
     for (command, (position, rate)) in command.iter_mut().zip(position.iter().zip(&rate)) {
         *command -= (1.0 + kp) * (stiffness * position + damping * rate);

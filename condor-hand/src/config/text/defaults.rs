@@ -89,10 +89,7 @@ fn find<'a, 't>(above: &'a [Value<'t>], like: &Value<'_>) -> Result<&'a Value<'t
     let Some(name) = like.get_ref().as_str() else {
         return Err(Misreading::unsuitable(like, "the name of a finger"));
     };
-    let is_meant = |finger: &&Value<'_>| {
-        let other = finger.get_ref().get("name");
-        other.and_then(|other| other.get_ref().as_str()) == Some(name)
-    };
+    let is_meant = |finger: &&Value<'_>| name_of(finger) == Some(name);
     above.iter().find(is_meant).ok_or_else(|| {
         let problem = std::format!("no finger `{name}` stands above this one");
         Misreading::at(&like.span(), problem)
@@ -118,7 +115,8 @@ fn add_defaults<'t>(finger: &mut Value<'t>, defaults: &Defaults<'t>) {
     }
 }
 
-/// Adds what a finger leaves out, to each entry of a list from the one in the same place.
+/// Adds what a finger leaves out, to each entry of a list from the one of the same name, or from the one in the same
+/// place if there is none.
 fn add_finger<'t>(finger: &mut Value<'t>, like: &Value<'t>) {
     let is_named = finger.get_ref().get("name").is_some();
     add(finger, like);
@@ -128,11 +126,22 @@ fn add_finger<'t>(finger: &mut Value<'t>, like: &Value<'t>) {
     for (list, _) in LISTS {
         let others = like.get_ref().get(list);
         if let Some(others) = others.and_then(|others| others.get_ref().as_array()) {
-            entries(finger, list)
-                .zip(others.iter())
-                .for_each(|(entry, other)| add(entry, other));
+            for (place, entry) in entries(finger, list).enumerate() {
+                let name = name_of(entry);
+                let same = others
+                    .iter()
+                    .find(|other| name.is_some() && name_of(other) == name);
+                if let Some(other) = same.or_else(|| others.get(place)) {
+                    add(entry, other);
+                }
+            }
         }
     }
+}
+
+/// The name of a table; `None` if it has none.
+fn name_of<'a>(table: &'a Value<'_>) -> Option<&'a str> {
+    table.get_ref().get("name")?.get_ref().as_str()
 }
 
 /// Adds what a table leaves out, at any depth; other values, and lists, stay as they are.

@@ -41,8 +41,8 @@ class Rack:
     board of the configuration is a slot, which has two converter boards; the channels of the slot `encoder_slot` are the
     counters of the encoder board. Calibrations and widths are those of the configuration.
 
-    A D/A board that is not strobed for `watchdog_s`, or that no program has open, takes its outputs to the least
-    tensions, and to no force or torque, within `ramp_s`. In simulated time all is as with the simulated robot in Rust.
+    A D/A board that is not strobed for `watchdog_s`, or that no program has open, takes its outputs to
+    rest within `ramp_s`. In simulated time all is as with the simulated robot in Rust.
     """
 
     def __init__(

@@ -106,8 +106,8 @@ commands! {
             "Force: -20 to 20 N. Moment: -1 to 1 N m.";
         "weight" "FINGER KG" "hangs a weight on a fingertip" "weight index 0.1" weight
             "KG: 0 to 1 kg; 0 takes it away.";
-        "fault" "FINGER.PART position|drive" "breaks a sensor or a drive" "fault thumb.distal position"
-            fault "A joint has a sensor of its position, an actuator is a drive. `clear` mends it.";
+        "fault" "FINGER.PART position|effort|drive" "breaks a sensor or a drive" "fault thumb.distal position"
+            fault "A joint has a position, an actuator an effort and a drive. `clear` mends it.";
         "clear" "" "mends what is broken" "clear" clear
             "If the simulation has failed, it is at its start again. Otherwise the ball stays where it is.";
     }

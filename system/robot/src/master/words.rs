@@ -38,6 +38,8 @@ pub(super) enum Problem<'l> {
     Finger { word: &'l str, known: NameList },
     #[error("no joint is called \"{word}\"; there are {known}")]
     Joint { word: &'l str, known: NameList },
+    #[error("no joint or actuator is called \"{word}\"; there are {known}")]
+    Part { word: &'l str, known: NameList },
     #[error("no actuator is called \"{word}\"; there are {known}")]
     Actuator { word: &'l str, known: NameList },
     #[error(
@@ -252,6 +254,7 @@ impl Problem<'_> {
             | Self::Finger { word, .. }
             | Self::Joint { word, .. }
             | Self::Actuator { word, .. }
+            | Self::Part { word, .. }
             | Self::Name(word)
             | Self::Gain(word)
             | Self::Bounds { word, .. }
@@ -430,7 +433,7 @@ pub(super) type MotionName = heapless::String<NAME_BYTES>;
 pub(super) type Path = heapless::String<48>;
 
 /// Names that are there, as a sentence has them.
-pub(super) type NameList = heapless::String<128>;
+pub(super) type NameList = heapless::String<256>;
 
 /// Lists the fingers of a mask.
 pub(super) fn names(hand: &RobotDescription, fingers: u64) -> NameList {
@@ -595,13 +598,20 @@ impl<'l> Words<'l> {
         &mut self,
         hand: &RobotDescription,
     ) -> Result<(usize, &'l str), Problem<'l>> {
-        let mut ahead = self.clone();
-        let (finger, name) = ahead.clone().part("FINGER.PART", hand)?;
-        match ahead.actuator(hand) {
-            Ok(_) => *self = ahead,
-            Err(_) => _ = self.joint(hand)?,
+        let (finger, word) = self.part("FINGER.PART", hand)?;
+        let entry = hand.fingers.get(finger);
+        let joints = entry
+            .into_iter()
+            .flat_map(|it| &it.joints)
+            .map(|it| &it.name);
+        let actuators = entry.into_iter().flat_map(|it| &it.actuators);
+        let mut names = joints.chain(actuators.map(|it| &it.name));
+        let all = names.clone();
+        if names.any(|name| name == word) {
+            return Ok((finger, word));
         }
-        Ok((finger, name))
+        let known = known(all);
+        Err(Problem::Part { word, known })
     }
 
     /// All words that are left.

@@ -1,7 +1,6 @@
 //! [`Feeling`]: what the fingers feel, at most, for guards that begin motions.
 
 use condor_hand::math::abs;
-use condor_hand::servo::FingerReadings;
 use zerocopy::FromZeros as _;
 
 use crate::guards::{Felt, Stops};
@@ -54,25 +53,24 @@ impl Feeling {
     pub(super) fn add(
         &mut self,
         finger: usize,
-        sensed: &FingerReadings<JOINTS, ACTUATORS>,
+        effort: &[f64; ACTUATORS],
+        touch: f64,
         actuators: &Actuators,
     ) {
-        let torques = actuators.torque(&sensed.effort);
+        let torques = actuators.torque(effort);
         if let Some(greatest) = self.present.torque.get_mut(finger) {
             for (greatest, &torque) in greatest.iter_mut().zip(&torques) {
                 raise(greatest, abs(torque));
             }
         }
         if let Some(greatest) = self.present.effort.get_mut(finger) {
-            for (actuator, &effort) in sensed.effort.iter().enumerate() {
-                let joint = actuators.joint_of(actuator);
-                if let Some(greatest) = joint.and_then(|joint| greatest.get_mut(joint)) {
-                    raise(greatest, abs(effort));
-                }
+            let efforts = actuators.greatest_efforts(effort);
+            for (greatest, &effort) in greatest.iter_mut().zip(&efforts) {
+                raise(greatest, effort);
             }
         }
         let contact_n = self.contact_n.get(finger);
-        if contact_n.is_some_and(|&contact_n| sensed.touch > contact_n) {
+        if contact_n.is_some_and(|&contact_n| touch > contact_n) {
             self.present.contacts |= 1 << finger;
         }
     }
@@ -106,6 +104,7 @@ fn raise(greatest: &mut f64, value: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use condor_hand::servo::FingerReadings;
     use nalgebra::Vector4;
 
     #[test]
@@ -132,7 +131,7 @@ mod tests {
                 12 => &blind,
                 _ => &calm,
             };
-            feeling.add(1, sensed, &actuators);
+            feeling.add(1, &sensed.effort, sensed.touch, &actuators);
             let now = feeling.felt(tick);
             let is_felt = now.contacts == 1 << 1;
             assert_eq!(is_felt, now.effort[1][2] > 29.0, "{now:?}");

@@ -117,7 +117,7 @@ impl<M: Machine> Fingers<'_, M> {
             // After an error the reader finds the former value.
             let _ = self.tracked.publish(&self.tracker.tracking);
         }
-        self.feel(&measured.sensed);
+        self.feel(&measured.sensed, &ticks);
         self.variables.show(&measured.sensed, &ticks);
         let news = LoopNews {
             faults: ticks.map(|tick| tick.and_then(|tick| tick.fault)),
@@ -144,14 +144,21 @@ impl<M: Machine> Fingers<'_, M> {
     }
 
     /// Tells the master what guards are about.
-    fn feel(&mut self, sensed: &OfFingers<FingerReadings<JOINTS, ACTUATORS>>) {
+    fn feel(
+        &mut self,
+        sensed: &OfFingers<FingerReadings<JOINTS, ACTUATORS>>,
+        ticks: &OfFingers<FingerTick<JOINTS, ACTUATORS>>,
+    ) {
         let mut stops = Stops::none();
         self.feeling.tick();
-        for (finger, sensed) in sensed.iter().enumerate() {
-            let (Some(sensed), Some(controller)) = (sensed, self.servos.controller(finger)) else {
+        for (finger, (sensed, tick)) in sensed.iter().zip(ticks).enumerate() {
+            let (Some(sensed), Some(tick), Some(controller)) =
+                (sensed, tick, self.servos.controller(finger))
+            else {
                 continue;
             };
-            self.feeling.add(finger, sensed, controller.linear());
+            let (effort, touch) = (&tick.effort, sensed.touch);
+            self.feeling.add(finger, effort, touch, controller.linear());
             for joint in 0..JOINTS {
                 if let Some(stop) = controller.stop(joint) {
                     stops.add(finger, joint, stop);

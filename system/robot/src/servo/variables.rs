@@ -95,9 +95,8 @@ impl<'h> Variables<'h> {
                     word.store((value as f32).to_bits(), Relaxed);
                 }
             }
-            for (actuator, entry) in finger.actuators.iter().enumerate() {
-                let is_sensed = entry.adc.is_some();
-                let values = of_actuator(actuator, is_sensed, sensed, tick);
+            for actuator in 0..finger.actuators.len() {
+                let values = of_actuator(actuator, tick);
                 let values = values.unwrap_or([f64::NAN; ACTUATOR.len()]);
                 for (value, word) in values.into_iter().zip(words.by_ref()) {
                     word.store((value as f32).to_bits(), Relaxed);
@@ -159,17 +158,11 @@ fn of_joint(joint: usize, tick: &FingerTick<JOINTS, ACTUATORS>) -> Option<[f64; 
 /// In the order of [`ACTUATOR`]; `None` for an actuator that there is not.
 fn of_actuator(
     actuator: usize,
-    is_sensed: bool,
-    sensed: &FingerReadings<JOINTS, ACTUATORS>,
     tick: &FingerTick<JOINTS, ACTUATORS>,
 ) -> Option<[f64; ACTUATOR.len()]> {
-    let desired = *tick.output.effort.get(actuator)?;
-    let effort = if is_sensed {
-        *sensed.effort.get(actuator)?
-    } else {
-        desired
-    };
-    Some([effort, desired, *tick.output.command.get(actuator)?])
+    let output = &tick.output;
+    let (desired, command) = (output.effort.get(actuator)?, output.command.get(actuator)?);
+    Some([*tick.effort.get(actuator)?, *desired, *command])
 }
 
 impl Watch for Variables<'_> {

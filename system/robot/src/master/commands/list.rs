@@ -225,7 +225,7 @@ mod tests {
             ("gains", 2, &["VALUE"]),
             ("gains", 5, &["GAIN"]),
             ("table", 0, &["home", "stop", "off", "clear", "X"]),
-            ("fault", 1, &["position", "drive"]),
+            ("fault", 1, &["position", "effort", "drive"]),
             ("effort", 0, &["FINGER.ACTUATOR"]),
             ("load", 0, &["PROCESSOR"]),
         ] {

@@ -77,18 +77,26 @@ impl<M: Machine> Commands<'_, '_, M> {
     }
 
     pub(super) fn fault<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let what = "position or drive";
+        let what = "position, effort or drive";
         let kind = words.peek().nth(1);
-        if kind == Some("drive") {
+        if let Some("effort" | "drive") = kind {
             let (finger, actuator) = words.actuator(self.hand)?;
             words.next();
             words.end()?;
-            self.others.plant(&PlantRequest::CutDrive {
-                finger: finger as u32,
-                actuator: actuator as u32,
-            })?;
             let name = ActuatorName(self.hand, finger, actuator);
-            self.say(format_args!("the drive {name} is cut; `clear` mends it"));
+            let (finger, actuator) = (finger as u32, actuator as u32);
+            if kind == Some("drive") {
+                self.others
+                    .plant(&PlantRequest::CutDrive { finger, actuator })?;
+                self.say(format_args!("the drive {name} is cut; `clear` mends it"));
+                return Ok(());
+            }
+            let sensor = PlantSensor::Effort(actuator);
+            self.others
+                .plant(&PlantRequest::StickSensor { finger, sensor })?;
+            self.say(format_args!(
+                "the effort sensor of {name} stays as it is; `clear` mends it"
+            ));
             return Ok(());
         }
         let (finger, joint) = words.joint(self.hand)?;

@@ -37,7 +37,7 @@ const ROWS: usize = ALL + FINGERS * ACTUATORS;
 const NAME: usize = 24;
 const VALUE: usize = 10;
 /// The most variables of a loop from the first to the last that is shown.
-const WORDS: usize = 128;
+const WORDS: usize = 192;
 
 type Column = (&'static str, &'static str, u8);
 /// The values of a row's variables.
