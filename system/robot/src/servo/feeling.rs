@@ -4,7 +4,7 @@ use condor_hand::math::abs;
 use zerocopy::FromZeros as _;
 
 use crate::guards::{Felt, Stops};
-use crate::{ACTUATORS, Actuators, FINGERS, JOINTS, RobotDescription};
+use crate::{ACTUATORS, Actuators, FINGERS, RobotDescription};
 
 /// The greatest of what fingers felt since a tick of the trajectories ago: in the present stretch of as
 /// many servo ticks, and in the one before.

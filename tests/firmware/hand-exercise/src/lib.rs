@@ -77,7 +77,7 @@ const LEVELS: [Level; 12] = [
     level(
         "a finger's controller",
         controlled::finger,
-        0xc0e2_1bbe_ebe3_a8f1,
+        0x85b4_f3e4_0c3c_28ec,
     ),
     level(
         "a simulated hand in closed loop",
