@@ -265,7 +265,7 @@ where
         }
     }
 
-    /// Gives the actuators of a joint the efforts that they keep in [`ServoMode::Effort`].
+    /// Sets the efforts that the actuators of a joint keep in [`ServoMode::Effort`].
     fn give(&mut self, joint: usize, kept: &[f64; A]) {
         let linear = self.transmission.linear();
         let all = self.given.iter_mut().zip(kept).zip(linear.limits());
