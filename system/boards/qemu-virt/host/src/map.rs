@@ -14,7 +14,7 @@ pub const HARTS: u32 = 12;
 /// The number of harts that can have a serial port, from hart 0 on: as many as the PCI bus has interrupts.
 pub const SERIAL_HARTS: u32 = 4;
 /// The number of bytes of the stack of a hart's program.
-pub const STACK_BYTES: u32 = 512 * 1024;
+pub const STACK_BYTES: u32 = 1024 * 1024;
 /// The number of guard bytes directly below the stack of a hart, which no program can access.
 pub const GUARD_BYTES: u32 = PAGE;
 
