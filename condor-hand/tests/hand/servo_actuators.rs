@@ -252,7 +252,11 @@ fn joints_that_change_to_efforts_together_keep_the_means() {
     let start = SVector::from([0.1, 0.6, 0.8, 0.7]);
     let mut effort = finger.efforts_at_rest();
     let mut tick = |servo: &mut FingerServo<_, _, 4, 8>, number: u32| {
-        let count = if number.is_multiple_of(2) { 7e-4 } else { -7e-4 };
+        let count = if number.is_multiple_of(2) {
+            7e-4
+        } else {
+            -7e-4
+        };
         let sensed = FingerReadings {
             position: start + SVector::repeat(count),
             effort,
