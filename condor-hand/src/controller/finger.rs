@@ -628,8 +628,8 @@ where
 
     /// On a fault: all joints off, and all efforts on their way to rest.
     ///
-    /// What a position servo wanted at last may be wrong, and would move the joint all the way: such a
-    /// joint begins with the efforts that hold it still. All others begin with what they had.
+    /// The last efforts of a joint that follows positions may be wrong, and would move it until all are at rest. So the
+    /// actuators of such a joint begin with the efforts that hold it still; all others begin with their last ones.
     #[cold]
     fn give_up(&mut self, position: &SVector<f64, N>, gravity: &Vector3<f64>) {
         let weight = self.servo.mechanism().gravity_torque(position, gravity);

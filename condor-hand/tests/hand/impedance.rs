@@ -127,9 +127,9 @@ fn step(a: &FingerTick<4, 8>, b: &FingerTick<4, 8>) -> f64 {
     largest_step(&a.output.effort, &b.output.effort)
 }
 
-/// What the damping of the stops adds to an effort or takes from it at most in a tick, for each rad/s of the
-/// fastest joint in this tick or the one before, N: that of the joint itself and of those which it would
-/// accelerate, in the posture of the greatest inertia.
+/// The greatest change of an effort from one tick to the next by the damping of the soft stops, N, for each rad/s of the
+/// fastest joint in the two ticks. It is that of the posture of the greatest inertia, and counts the joint itself and those
+/// that it would accelerate.
 fn stop_step() -> f64 {
     let entry = &hand().fingers[0];
     let mass = entry.planar().unwrap().mass_matrix(&SVector::zeros());

@@ -206,6 +206,15 @@ pub fn processor(robot: &RobotDescription, wire: Wire) -> Option<u8> {
     }
 }
 
+/// Returns the effort of the actuator at the end of a wire while nothing is asked of it, N or N m; 0 for other wires.
+pub(crate) fn at_rest(robot: &RobotDescription, wire: Wire) -> f64 {
+    let actuator = match wire {
+        Wire::Actuator { finger, actuator } => robot.actuator(finger, actuator),
+        Wire::Position { .. } | Wire::Touch { .. } | Wire::Axis { .. } => None,
+    };
+    actuator.map_or(0.0, |actuator| actuator.limits().at_rest())
+}
+
 /// Boards that nobody opens, for tests of a robot that nothing drives.
 #[cfg(test)]
 pub(crate) mod none {

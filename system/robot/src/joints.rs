@@ -128,6 +128,20 @@ impl fmt::Display for ActuatorName<'_> {
     }
 }
 
+/// The names of the joints of a finger.
+pub(crate) fn joint_names(
+    finger: &Finger<JOINTS, ACTUATORS>,
+) -> impl Iterator<Item = &Name> + Clone {
+    finger.joints.iter().map(|joint| &joint.name)
+}
+
+/// The names of the actuators of a finger.
+pub(crate) fn actuator_names(
+    finger: &Finger<JOINTS, ACTUATORS>,
+) -> impl Iterator<Item = &Name> + Clone {
+    finger.actuators.iter().map(|actuator| &actuator.name)
+}
+
 /// The place of a finger that a robot does not have: far from all that could touch it, m.
 const NOWHERE: [f64; 3] = [0.0, 0.0, 1e3];
 

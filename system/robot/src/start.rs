@@ -4,13 +4,13 @@ use core::time::Duration;
 
 use condor_fs::OpenOptions;
 use condor_hand::ImageError;
-use condor_hand::config::{Channel, Mistake, Wire};
+use condor_hand::config::{Channel, Mistake};
 use condor_mbox::Clock;
 use condor_mos::Rate;
 use condor_rt::{Background, Machine, ProgramError, Setup, ShortText};
 use condor_tty::TerminalSettings;
 
-use crate::boards::Boards;
+use crate::boards::{self, Boards};
 use crate::failure::Failure;
 use crate::file;
 use crate::{IMAGE, RobotDescription};
@@ -86,15 +86,8 @@ pub(crate) fn wires<'s, M: Machine, B: Boards>(
 /// The counts of an output while nothing is controlled: of an actuator at rest, and of no force.
 fn at_rest(hand: &RobotDescription, channel: Channel) -> u32 {
     let wire = hand.wire(channel);
-    let effort = match wire {
-        Some(Wire::Actuator { finger, actuator }) => {
-            let actuator = hand.actuator(finger, actuator);
-            actuator.map(|actuator| actuator.limits().at_rest())
-        }
-        _ => None,
-    };
-    let output = wire.and_then(|wire| hand.output(wire));
-    output.map_or(0, |output| output.counts(effort.unwrap_or(0.0)))
+    let output = wire.and_then(|wire| Some((hand.output(wire)?, boards::at_rest(hand, wire))));
+    output.map_or(0, |(output, effort)| output.counts(effort))
 }
 
 /// A rate of the configuration, which are above 0.

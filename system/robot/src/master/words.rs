@@ -19,6 +19,7 @@ use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
 
 use crate::RobotDescription;
+use crate::joints::{actuator_names, joint_names};
 use crate::packet::ClientError;
 use crate::queue::{RefusalReason, SessionOwner};
 use crate::{ACTUATORS, JOINTS, plant, table};
@@ -553,14 +554,12 @@ impl<'l> Words<'l> {
     /// The next word as FINGER.JOINT: both from 0.
     pub(super) fn joint(&mut self, hand: &RobotDescription) -> Result<(usize, usize), Problem<'l>> {
         let (finger, joint) = self.part("FINGER.JOINT", hand)?;
-        let joints = hand.fingers.get(finger).map(|it| it.joints.as_slice());
-        let mut joints = joints.unwrap_or_default().iter().take(JOINTS);
-        let all = joints.clone();
-        let found = joints.position(|it| it.name == joint);
+        let names = of_finger(hand, finger, joint_names);
         let problem = || Problem::Joint {
             word: joint,
-            known: known(all.map(|it| &it.name)),
+            known: known(names.clone()),
         };
+        let found = names.clone().position(|name| name == joint);
         Ok((finger, found.ok_or_else(problem)?))
     }
 
@@ -570,13 +569,12 @@ impl<'l> Words<'l> {
         hand: &RobotDescription,
     ) -> Result<(usize, usize), Problem<'l>> {
         let (finger, actuator) = self.part("FINGER.ACTUATOR", hand)?;
-        let actuators = hand.fingers.get(finger).map(|it| it.actuators.as_slice());
-        let actuators = actuators.unwrap_or_default();
-        let found = actuators.iter().position(|it| it.name == actuator);
+        let names = of_finger(hand, finger, actuator_names);
         let problem = || Problem::Actuator {
             word: actuator,
-            known: known(actuators.iter().map(|it| &it.name)),
+            known: known(names.clone()),
         };
+        let found = names.clone().position(|name| name == actuator);
         Ok((finger, found.ok_or_else(problem)?))
     }
 
@@ -599,18 +597,12 @@ impl<'l> Words<'l> {
         hand: &RobotDescription,
     ) -> Result<(usize, &'l str), Problem<'l>> {
         let (finger, word) = self.part("FINGER.PART", hand)?;
-        let entry = hand.fingers.get(finger);
-        let joints = entry
-            .into_iter()
-            .flat_map(|it| &it.joints)
-            .map(|it| &it.name);
-        let actuators = entry.into_iter().flat_map(|it| &it.actuators);
-        let mut names = joints.chain(actuators.map(|it| &it.name));
-        let all = names.clone();
-        if names.any(|name| name == word) {
+        let joints = of_finger(hand, finger, joint_names);
+        let names = joints.chain(of_finger(hand, finger, actuator_names));
+        if names.clone().any(|name| name == word) {
             return Ok((finger, word));
         }
-        let known = known(all);
+        let known = known(names);
         Err(Problem::Part { word, known })
     }
 
@@ -626,6 +618,15 @@ impl<'l> Words<'l> {
             Some(word) => Err(Problem::TooMany(word)),
         }
     }
+}
+
+/// The names of the parts of a finger; none of one that the hand does not have.
+fn of_finger<'h, I: Iterator<Item = &'h Name> + Clone>(
+    hand: &'h RobotDescription,
+    finger: usize,
+    names: impl Fn(&'h Finger<JOINTS, ACTUATORS>) -> I + Clone,
+) -> impl Iterator<Item = &'h Name> + Clone {
+    hand.fingers.get(finger).into_iter().flat_map(names)
 }
 
 /// The finger that is called so, from 0.

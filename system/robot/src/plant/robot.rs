@@ -17,7 +17,7 @@ use super::arguments::Arguments;
 use super::ball::Support;
 use super::requests::{NumberRange, PlantRefusal, PlantSensor};
 use super::watchdog::{BoardInput, Watchdog};
-use crate::boards::{BoardError, BoardEvent, SimBoards, processor};
+use crate::boards::{BoardError, BoardEvent, SimBoards, at_rest, processor};
 use crate::recording::Fnv;
 use crate::{ACTUATORS, Actuators, FINGERS, Failure, JOINTS, Mechanism, RobotDescription, joints};
 
@@ -586,15 +586,6 @@ fn output_boards<B: SimBoards>(
         }
     }
     Ok(boards)
-}
-
-/// The effort of an actuator at rest, N or N m; no force of other drives.
-fn at_rest(hand: &RobotDescription, wire: Wire) -> f64 {
-    let actuator = match wire {
-        Wire::Actuator { finger, actuator } => hand.actuator(finger, actuator),
-        Wire::Position { .. } | Wire::Touch { .. } | Wire::Axis { .. } => None,
-    };
-    actuator.map_or(0.0, |actuator| actuator.limits().at_rest())
 }
 
 /// The bit of a board.

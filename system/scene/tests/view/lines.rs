@@ -30,7 +30,7 @@ fn there_is_a_line_for_the_palm_each_finger_and_each_tendon() {
     assert_eq!(line(&lines, "thumb").effort, None);
 }
 
-/// Where an actuator is in the list says nothing, and one that can push is no tendon.
+/// The order of the actuators does not matter, and an actuator that can push has no line.
 #[test]
 fn tendons_are_actuators_that_only_pull_in_any_order() {
     let names = |hand| {

@@ -2,6 +2,7 @@
 
 use core::fmt::Write as _;
 
+use condor_hand::config::{Finger, Name};
 use condor_mbox::Processor;
 use condor_rt::{Machine, numbers};
 use condor_vars::{TableEntry, VariableTable};
@@ -9,7 +10,8 @@ use condor_vars::{TableEntry, VariableTable};
 use super::super::words::Words;
 use super::list::{all, find};
 use super::{Commands, GROUPS};
-use crate::JOINTS;
+use crate::joints::{actuator_names, joint_names};
+use crate::{ACTUATORS, JOINTS};
 
 /// The function that takes each word that may stand there.
 type Offer<'o> = &'o mut dyn FnMut(&str);
@@ -40,11 +42,11 @@ impl<M: Machine> Commands<'_, '_, M> {
                     let fingers = self.hand.fingers.iter();
                     fingers.for_each(|finger| offer(&finger.name));
                 }
-                "FINGER.JOINT" => self.offer_joints(offer),
-                "FINGER.ACTUATOR" => self.offer_actuators(offer),
+                "FINGER.JOINT" => self.offer_parts(joint_names, offer),
+                "FINGER.ACTUATOR" => self.offer_parts(actuator_names, offer),
                 "FINGER.PART" => {
-                    self.offer_joints(&mut *offer);
-                    self.offer_actuators(offer);
+                    self.offer_parts(joint_names, &mut *offer);
+                    self.offer_parts(actuator_names, offer);
                 }
                 // Without its directory there are none.
                 "MOTION" => self.store.list(&mut *offer).unwrap_or_default(),
@@ -57,23 +59,19 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
     }
 
-    fn offer_joints(&self, offer: Offer<'_>) {
+    /// Offers FINGER.NAME for each of these names of each finger.
+    fn offer_parts<'f, I>(
+        &'f self,
+        names: impl Fn(&'f Finger<JOINTS, ACTUATORS>) -> I,
+        offer: Offer<'_>,
+    ) where
+        I: Iterator<Item = &'f Name>,
+    {
         for finger in &self.hand.fingers {
-            for joint in finger.joints.iter().take(JOINTS) {
+            for part in names(finger) {
                 let mut name = heapless::String::<64>::new();
                 // The names of a configuration are short enough.
-                let _ = write!(name, "{}.{}", finger.name, joint.name);
-                offer(&name);
-            }
-        }
-    }
-
-    fn offer_actuators(&self, offer: Offer<'_>) {
-        for finger in &self.hand.fingers {
-            for actuator in &finger.actuators {
-                let mut name = heapless::String::<64>::new();
-                // The names of a configuration are short enough.
-                let _ = write!(name, "{}.{}", finger.name, actuator.name);
+                let _ = write!(name, "{}.{part}", finger.name);
                 offer(&name);
             }
         }
