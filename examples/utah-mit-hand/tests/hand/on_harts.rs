@@ -39,6 +39,12 @@ fn c_the_master_restarts_and_loads_programs() {
     up.expect("load 2: done\n");
     up.types("restart servo-a");
     up.expect("`enable` makes index and middle hold again\n");
+    // The fingers fall onto their stops meanwhile: a second later they lie there.
+    up.types("watch middle");
+    for _ in 0..4 {
+        up.expect("\x1b[5A");
+    }
+    up.types("");
     up.types("enable");
     up.types("run open");
     up.expect("open is done\n");
