@@ -143,13 +143,15 @@ fn arm(load_kg: f64) -> Chain<JOINTS> {
     // On a table, with its first axis upright.
     Chain::new(
         Pose::identity(),
-        std::array::from_fn(|joint| ChainJoint {
-            placement: Pose::at(0.0, 0.0, links[joint].0),
-            motion: ChainMotion::Revolute(if joint % 2 == 0 {
-                Vector3::z()
-            } else {
-                Vector3::y()
-            }),
+        std::array::from_fn(|joint| {
+            ChainJoint::new(
+                Pose::at(0.0, 0.0, links[joint].0),
+                ChainMotion::Revolute(if joint % 2 == 0 {
+                    Vector3::z()
+                } else {
+                    Vector3::y()
+                }),
+            )
         }),
         bodies,
         Vector3::new(0.0, 0.0, links[JOINTS - 1].2),

@@ -91,8 +91,9 @@ pub(crate) use tunable::{ActuatorNumbers, JointNumbers};
 pub use condor_toml::TextError;
 pub use fault_text::FaultText;
 pub use finger::{
-    Actuator, EffortFaults, EffortRange, Finger, Form, Joint, JointFriction, JointMotion,
-    JointServo, LinkBody, Mount, Placement, ServoLaw, Shape, SoftStopSettings, Touch,
+    Actuator, BASE, EffortFaults, EffortRange, Finger, Follower, Follows, Form, Joint,
+    JointFriction, JointMotion, JointServo, LinkBody, Mount, Placement, ServoLaw, Shape,
+    SoftStopSettings, Touch,
 };
 pub use hand::{
     Axis, AxisServoSettings, ContactSurface, ControlProcessor, FaultPolicy, Hand, PROCESSORS,
@@ -106,6 +107,7 @@ pub use text::line_of;
 pub use tunable::{
     ActuatorNumber, AxisNumber, FaultNumber, JointNumber, MotionNumber, NumberName, NumberRange,
 };
+pub use views::FingerLink;
 pub use wiring::{Channel, Converter, InputChannel, OutputChannel, Wire};
 
 /// The name of a hand, a finger, a joint, an actuator or an axis: UTF-8 text of at most 64 bytes.

@@ -10,7 +10,7 @@ mod nearest;
 mod null;
 mod product;
 
-pub use chain::{Chain, ChainBody, ChainJoint, ChainMotion};
+pub use chain::{Carrier, Chain, ChainBody, ChainJoint, ChainMotion, Following};
 pub(crate) use check::body_inertia;
 pub use finger::{PlanarFinger, Rod};
 pub use limits::JointLimits;

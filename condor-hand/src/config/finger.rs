@@ -19,8 +19,11 @@ pub struct Finger<const JOINTS: usize, const ACTUATORS: usize> {
     pub form: Form,
     /// The tactile sensor of its fingertip; `None` if there is none.
     pub touch: Option<Touch>,
-    /// The joints, proximal first.
+    /// The joints that move by themselves, proximal first.
     pub joints: Vec<Joint, JOINTS>,
+    /// The joints that follow others, in any order. With `joints` they are at most `JOINTS`.
+    #[serde(default = "Vec::new")]
+    pub followers: Vec<Follower, JOINTS>,
     /// The actuators, in any order.
     pub actuators: Vec<Actuator<JOINTS>, ACTUATORS>,
 }
@@ -38,8 +41,8 @@ pub struct Placement {
     pub rotation: Rotation,
 }
 
-/// The geometry of a finger: the standard planar finger, or any chain of joints.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The geometry of a finger: the standard planar finger, or any chain of joints, which may branch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Form {
     /// Four joints that the closed form solves: the first about the z axis of the base, the others
@@ -50,8 +53,10 @@ pub enum Form {
     },
     /// Any joints, each with a mount of its own.
     Chain {
-        /// The tip, in the frame of the last joint, m.
+        /// The tip, in the frame of the joint that moves it, m.
         tip: [f64; 3],
+        /// The joint that moves the tip, by its name; `None` for the last one of a finger without followers.
+        on: Option<Name>,
     },
 }
 
@@ -73,7 +78,7 @@ pub struct Joint {
     pub name: Name,
     /// The number of the processor that serves the joint.
     pub processor: u8,
-    /// Its place on the link before it, and its motion; `None` in a planar finger, whose form says
+    /// Its place on the link that carries it, and its motion; `None` in a planar finger, whose form says
     /// both.
     pub mount: Option<Mount>,
     /// The body of its link; `None` if dynamics are not needed.
@@ -92,11 +97,42 @@ pub struct Joint {
     pub adc: InputChannel,
 }
 
-/// The place of a joint on the link before it, and the way in which the joint moves. Only fingers
+/// The configuration of a joint that follows another one, as a tendon or a linkage couples them. No servo, no sensor
+/// and no number in a motion belongs to it: it goes where the other joint takes it. Its friction counts as the other's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Follower {
+    /// The name of the joint; no other joint of the finger has it.
+    pub name: Name,
+    /// The joint that it follows.
+    pub follows: Follows,
+    /// Its place on the link that carries it, and its motion.
+    pub mount: Mount,
+    /// The body of its link; `None` if dynamics are not needed.
+    pub body: Option<LinkBody>,
+}
+
+/// The movement of a joint with another one: its position is `ratio` times that of the other joint, plus `offset`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Follows {
+    /// The name of a joint that moves by itself.
+    pub joint: Name,
+    /// The change of the position for a unit of the other joint's, rad or m for rad or m.
+    pub ratio: f64,
+    /// The position where the other joint is at zero, rad or m.
+    #[serde(default)]
+    pub offset: f64,
+}
+
+/// The place of a joint on the link that carries it, and the way in which the joint moves. Only fingers
 /// of the form [`Form::Chain`] have mounts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mount {
+    /// The joint whose link carries it, by its name, or [`BASE`] for the base of the finger. `None` means the joint
+    /// before it in the list, or the base for the first one; for a follower, the joint that it follows.
+    pub on: Option<Name>,
     /// The position of the joint's frame at its zero, m.
     #[serde(default)]
     pub position: [f64; 3],
@@ -106,6 +142,9 @@ pub struct Mount {
     /// The motion of the joint.
     pub motion: JointMotion,
 }
+
+/// The name of the base of a finger, where a joint can be mounted.
+pub const BASE: &str = "base";
 
 /// The motion of a joint: a rotation or a slide. The axis is a unit vector in the joint's own
 /// frame.
@@ -243,8 +282,8 @@ pub struct JointFriction {
 pub struct Actuator<const JOINTS: usize> {
     /// The name of the actuator, such as that of its tendon.
     pub name: Name,
-    /// Its arms at the joints that it moves: the torque of the joint, N m, or N for a sliding joint, for a unit of its
-    /// effort. A tendon has a moment arm, m, positive where it pulls to positive angles; a motor has its gear ratio.
+    /// Its arms at the joints that it moves, and at followers: the torque of the joint, N m, or N for a sliding joint,
+    /// for a unit of its effort. A tendon has a moment arm, m, positive where it pulls to positive angles; a motor has its gear ratio.
     pub arms: LinearMap<Name, f64, JOINTS>,
     /// The limits of its effort.
     pub limits: EffortRange,
@@ -315,7 +354,7 @@ impl<const JOINTS: usize> Actuator<JOINTS> {
         }
     }
 
-    /// Returns its arm at a joint: m, or a gear ratio; 0 where it has none.
+    /// Returns its arm at a joint or a follower of this name: m, or a gear ratio; 0 where it has none.
     #[must_use]
     pub fn arm(&self, joint: &Name) -> f64 {
         self.arms.get(joint).copied().unwrap_or(0.0)

@@ -6,7 +6,7 @@ use crate::image::{Format, ImageError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDH",
-    version: 6,
+    version: 7,
 };
 
 impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>

@@ -1,14 +1,16 @@
 //! The parts of a configuration that controllers use.
 
+use heapless::Vec;
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::{
-    Actuator, Channel, ControlProcessor, Finger, Form, Hand, InputChannel, Joint, JointMotion,
-    LinkBody, MotionLimits, OutputChannel, Placement, ProcessorKind, Shape, Wire,
+    Actuator, BASE, Channel, ControlProcessor, Finger, Follows, Form, Hand, InputChannel, Joint,
+    JointMotion, LinkBody, MotionLimits, Mount, Name, OutputChannel, Placement, ProcessorKind,
+    Shape, Wire,
 };
 use crate::NumberError;
 use crate::Pose;
-use crate::kinematics::{self, Chain, PlanarFinger, Rod};
+use crate::kinematics::{self, Carrier, Chain, Following, PlanarFinger, Rod};
 use crate::math::{clamp, max, min};
 use crate::number::is_within;
 use crate::trajectory::{self, Primitive, Target};
@@ -222,7 +224,7 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
         let places = arms.iter_mut().zip(&mut limits);
         for ((arms, limits), actuator) in places.zip(&self.actuators) {
             for (arm, joint) in arms.iter_mut().zip(&self.joints) {
-                *arm = actuator.arm(&joint.name);
+                *arm = self.arm(actuator, joint);
             }
             *limits = actuator.limits();
         }
@@ -234,7 +236,7 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
     #[must_use]
     pub fn joint_of(&self, actuator: usize) -> Option<usize> {
         let actuator = self.actuators.get(actuator)?;
-        let moves = |joint: &Joint| actuator.arm(&joint.name) != 0.0;
+        let moves = |joint: &Joint| self.arm(actuator, joint) != 0.0;
         self.joints.iter().rposition(moves)
     }
 
@@ -254,7 +256,7 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
                 if has_own && !is_own(place, row) {
                     continue;
                 }
-                let (arm, limits) = (actuator.arm(&joint.name), &actuator.limits);
+                let (arm, limits) = (self.arm(actuator, joint), &actuator.limits);
                 let ends = (arm * limits.low, arm * limits.high);
                 low += min(ends.0, ends.1);
                 high += max(ends.0, ends.1);
@@ -287,7 +289,9 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
             base: self.base.pose(),
             lengths,
             bodies: [first, second, third, fourth].map(|joint| {
-                let body = joint.rigid_body();
+                let body = joint
+                    .body
+                    .map_or_else(kinematics::ChainBody::massless, |body| body.rigid_body());
                 Rod {
                     mass: body.mass,
                     center: body.center.x,
@@ -302,45 +306,167 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
     #[must_use]
     pub fn chain(&self) -> Chain<JOINTS> {
         let mut start = 0.0;
-        let mut joints = [kinematics::ChainJoint {
-            placement: Pose::identity(),
-            motion: kinematics::ChainMotion::Fixed,
-        }; JOINTS];
+        let mut joints = [kinematics::ChainJoint::fixed(); JOINTS];
         let mut bodies = [kinematics::ChainBody::massless(); JOINTS];
-        for (index, joint) in self.joints.iter().enumerate() {
-            if let (Some(place), Some(body)) = (joints.get_mut(index), bodies.get_mut(index)) {
-                *body = joint.rigid_body();
-                *place = match self.form {
-                    Form::Planar { lengths } => {
-                        let axis = if index == 0 {
-                            Vector3::z()
-                        } else {
-                            Vector3::y()
-                        };
-                        let placement = Pose::at(start, 0.0, 0.0);
-                        start = lengths.get(index).copied().unwrap_or(0.0);
-                        kinematics::ChainJoint {
-                            placement,
-                            motion: kinematics::ChainMotion::Revolute(axis),
-                        }
-                    }
-                    Form::Chain { .. } => joint.mounted(),
-                };
-            }
+        let links = self.links();
+        let places = joints.iter_mut().zip(&mut bodies);
+        for (index, (link, (place, body))) in links.iter().zip(places).enumerate() {
+            *body = link
+                .body
+                .map_or_else(kinematics::ChainBody::massless, LinkBody::rigid_body);
+            *place = match &self.form {
+                Form::Planar { lengths } => {
+                    let axis = if index == 0 {
+                        Vector3::z()
+                    } else {
+                        Vector3::y()
+                    };
+                    let placement = Pose::at(start, 0.0, 0.0);
+                    start = lengths.get(index).copied().unwrap_or(0.0);
+                    let motion = kinematics::ChainMotion::Revolute(axis);
+                    kinematics::ChainJoint::new(placement, motion)
+                }
+                Form::Chain { .. } => link.placed(&links),
+            };
         }
-        let tip = match self.form {
+        let last = JOINTS.saturating_sub(1);
+        let tip = match &self.form {
             Form::Planar {
-                lengths: [.., last],
-            } => Vector3::new(last, 0.0, 0.0),
-            Form::Chain { tip } => Vector3::from(tip),
+                lengths: [.., length],
+            } => (last, Vector3::new(*length, 0.0, 0.0)),
+            Form::Chain { tip, on } => {
+                let named = on.as_ref().and_then(|on| number(&links, on));
+                (named.unwrap_or(last), Vector3::from(*tip))
+            }
         };
-        Chain {
-            base: self.base.pose(),
-            joints,
-            bodies,
-            tip,
+        Chain::of(self.base.pose(), joints, bodies, tip)
+    }
+
+    /// Returns the joints and the followers in the order in which [`chain`](Self::chain) has them: each after the one
+    /// that carries it, and the joints in their own order. Those that nothing carries are left out.
+    #[must_use]
+    pub fn links(&self) -> Vec<FingerLink<'_>, JOINTS> {
+        let mut links = Vec::new();
+        let mut joints = self.joints.iter().enumerate().peekable();
+        loop {
+            let joint = joints.next_if(|(place, joint)| {
+                let before = place
+                    .checked_sub(1)
+                    .and_then(|before| self.joints.get(before));
+                carries(
+                    &links,
+                    joint.mount.as_ref(),
+                    before.map(|before| &before.name),
+                )
+            });
+            let next = match joint {
+                Some((place, joint)) => {
+                    let before = place
+                        .checked_sub(1)
+                        .and_then(|before| self.joints.get(before));
+                    Some(FingerLink {
+                        name: &joint.name,
+                        on: carrier(joint.mount.as_ref(), before.map(|before| &before.name)),
+                        mount: joint.mount.as_ref(),
+                        body: joint.body.as_ref(),
+                        follows: None,
+                    })
+                }
+                None => self.followers.iter().find_map(|follower| {
+                    let on = Some(&follower.follows.joint);
+                    let is_next = number(&links, &follower.name).is_none()
+                        && carries(&links, Some(&follower.mount), on);
+                    is_next.then(|| FingerLink {
+                        name: &follower.name,
+                        on: carrier(Some(&follower.mount), on),
+                        mount: Some(&follower.mount),
+                        body: follower.body.as_ref(),
+                        follows: Some(&follower.follows),
+                    })
+                }),
+            };
+            // Without room the rest is left out, too.
+            let Some(Ok(())) = next.map(|link| links.push(link)) else {
+                return links;
+            };
         }
     }
+
+    /// Returns the arm of an actuator at a joint with all that follow it: the torque that counts at the joint, N m, or N
+    /// for a sliding joint, for a unit of the effort.
+    #[must_use]
+    pub fn arm(&self, actuator: &Actuator<JOINTS>, joint: &Joint) -> f64 {
+        let mut arm = actuator.arm(&joint.name);
+        for follower in &self.followers {
+            if follower.follows.joint == joint.name {
+                arm += follower.follows.ratio * actuator.arm(&follower.name);
+            }
+        }
+        arm
+    }
+}
+
+/// A link of a finger with the joint that moves it, which may follow another one.
+#[derive(Clone, Copy, Debug)]
+pub struct FingerLink<'a> {
+    /// The name of its joint.
+    pub name: &'a Name,
+    /// The name of the joint whose link carries it; `None` for the base.
+    pub on: Option<&'a Name>,
+    /// Its place, and its motion; `None` in a planar finger.
+    pub mount: Option<&'a Mount>,
+    /// The body; `None` if it has no mass.
+    pub body: Option<&'a LinkBody>,
+    /// The joint that it follows; `None` if it moves by itself.
+    pub follows: Option<&'a Follows>,
+}
+
+impl FingerLink<'_> {
+    /// Returns the joint as a chain of these links has it; fixed without a mount.
+    fn placed(&self, links: &[FingerLink<'_>]) -> kinematics::ChainJoint {
+        let Some(mount) = self.mount else {
+            return kinematics::ChainJoint::fixed();
+        };
+        let placement = Placement {
+            position: mount.position,
+            rotation: mount.rotation,
+        };
+        let motion = match mount.motion {
+            JointMotion::Revolute(axis) => kinematics::ChainMotion::Revolute(Vector3::from(axis)),
+            JointMotion::Prismatic(axis) => kinematics::ChainMotion::Prismatic(Vector3::from(axis)),
+        };
+        let on = self.on.and_then(|on| number(links, on));
+        kinematics::ChainJoint {
+            on: on.map_or(Carrier::Base, Carrier::Joint),
+            follows: self.follows.and_then(|follows| {
+                Some(Following {
+                    joint: number(links, &follows.joint)?,
+                    ratio: follows.ratio,
+                    offset: follows.offset,
+                })
+            }),
+            ..kinematics::ChainJoint::new(placement.pose(), motion)
+        }
+    }
+}
+
+/// The number of the link whose joint has a name.
+fn number(links: &[FingerLink<'_>], name: &Name) -> Option<usize> {
+    links.iter().position(|link| link.name == name)
+}
+
+/// The name of the joint whose link carries one with this mount, or without one; `None` for the base.
+fn carrier<'a>(mount: Option<&'a Mount>, usual: Option<&'a Name>) -> Option<&'a Name> {
+    match mount.and_then(|mount| mount.on.as_ref()) {
+        Some(on) if on == BASE => None,
+        Some(on) => Some(on),
+        None => usual,
+    }
+}
+
+/// Returns true if the link that carries one with this mount is there.
+fn carries(links: &[FingerLink<'_>], mount: Option<&Mount>, usual: Option<&Name>) -> bool {
+    carrier(mount, usual).is_none_or(|on| number(links, on).is_some())
 }
 
 impl Joint {
@@ -350,35 +476,6 @@ impl Joint {
     pub fn rest_range(&self) -> (f64, f64) {
         let zone = self.stop.zone;
         (self.limits.low + zone, self.limits.high - zone)
-    }
-
-    /// The body of the link, of no mass where there is none.
-    fn rigid_body(&self) -> kinematics::ChainBody {
-        self.body
-            .map_or_else(kinematics::ChainBody::massless, |body| body.rigid_body())
-    }
-
-    /// Returns the placement of the joint on the link before it; fixed without a mount.
-    fn mounted(&self) -> kinematics::ChainJoint {
-        let fixed = kinematics::ChainJoint {
-            placement: Pose::identity(),
-            motion: kinematics::ChainMotion::Fixed,
-        };
-        self.mount.map_or(fixed, |mount| kinematics::ChainJoint {
-            placement: Placement {
-                position: mount.position,
-                rotation: mount.rotation,
-            }
-            .pose(),
-            motion: match mount.motion {
-                JointMotion::Revolute(axis) => {
-                    kinematics::ChainMotion::Revolute(Vector3::from(axis))
-                }
-                JointMotion::Prismatic(axis) => {
-                    kinematics::ChainMotion::Prismatic(Vector3::from(axis))
-                }
-            },
-        })
     }
 }
 

@@ -10,7 +10,8 @@ use crate::pose::{Pose, rotation_about};
 ///
 /// R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008: chapters 5 and 6, in the
 /// ordinary 3-vectors of the paper by Luh, Walker and Paul (1980). A fixed joint takes no torque
-/// and has no acceleration, whatever its rates are said to be.
+/// and has no acceleration, whatever its rates are said to be. A joint that follows another one adds `ratio` times its
+/// own torque to that of the other.
 impl<const N: usize> Dynamics<N> for Chain<N> {
     fn inverse_dynamics(
         &self,
@@ -19,7 +20,7 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
         qdd: &SVector<f64, N>,
         gravity: &Vector3<f64>,
     ) -> SVector<f64, N> {
-        self.torque(&self.links(q), qd, qdd, gravity)
+        self.torque(&self.moved(q), qd, qdd, gravity)
     }
 
     fn bias(
@@ -36,7 +37,7 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
     }
 
     fn mass_matrix(&self, q: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        self.mass(&self.links(q))
+        self.mass(&self.moved(q))
     }
 
     fn forward_dynamics(
@@ -47,15 +48,21 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
         gravity: &Vector3<f64>,
         armature: &SVector<f64, N>,
     ) -> Option<SVector<f64, N>> {
-        let links = self.links(q);
+        let links = self.moved(q);
         let mut free = torque - self.torque(&links, qd, &SVector::zeros(), gravity);
         let mut mass = self.mass(&links);
-        for (i, joint) in self.joints.iter().enumerate() {
-            if joint.motion == ChainMotion::Fixed {
+        let mut moves = [false; N];
+        for (link, joint) in self.links.iter().zip(&self.joints) {
+            if let Some(moves) = moves.get_mut(link.coordinate) {
+                *moves |= joint.motion != ChainMotion::Fixed;
+            }
+        }
+        for (i, moves) in moves.into_iter().enumerate() {
+            if moves {
+                mass[(i, i)] += armature[i];
+            } else {
                 mass[(i, i)] = 1.0;
                 free[i] = 0.0;
-            } else {
-                mass[(i, i)] += armature[i];
             }
         }
         let acceleration = Ldl::new(&mass)?.solve(&free);
@@ -68,10 +75,11 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
 
 impl<const N: usize> Chain<N> {
     #[inline(always)]
-    fn links(&self, q: &SVector<f64, N>) -> [Link; N] {
+    fn moved(&self, q: &SVector<f64, N>) -> [Link; N] {
         let mut links = [Link::none(); N];
-        for ((link, joint), &q) in links.iter_mut().zip(&self.joints).zip(q.iter()) {
-            *link = Link::of(joint, q);
+        let all = links.iter_mut().zip(&self.joints).zip(&self.links);
+        for ((link, joint), place) in all {
+            *link = Link::of(joint, place.position(q));
         }
         links
     }
@@ -85,62 +93,80 @@ impl<const N: usize> Chain<N> {
         gravity: &Vector3<f64>,
     ) -> SVector<f64, N> {
         // A base that is accelerated upwards feels the same as one in the field.
-        let mut linear = -self.base.rotation.tr_mul(gravity);
-        let mut rate = Vector3::zeros();
-        let mut acceleration = Vector3::zeros();
+        let base = Motion {
+            linear: -self.base.rotation.tr_mul(gravity),
+            rate: Vector3::zeros(),
+            acceleration: Vector3::zeros(),
+        };
+        let mut motions = [base; N];
         let mut loads = [(Vector3::zeros(), Vector3::zeros()); N];
-        for (i, load) in loads.iter_mut().enumerate() {
-            let Link {
-                pose,
-                turns,
-                slides,
-            } = &links[i];
-            let Pose { rotation, position } = pose;
-            let carried = linear + acceleration.cross(position) + rate.cross(&rate.cross(position));
-            let turned = rotation.tr_mul(&rate);
-            let turning = turns * qd[i];
-            rate = turned + turning;
-            acceleration = rotation.tr_mul(&acceleration) + turns * qdd[i] + turned.cross(&turning);
-            let sliding = rate.cross(&(slides * qd[i]));
-            linear = rotation.tr_mul(&carried) + slides * qdd[i] + sliding + sliding;
-            *load = load_of(&self.bodies[i], &rate, &acceleration, &linear);
+        for (i, place) in self.links.iter().enumerate() {
+            let carrier = place.carrier.and_then(|carrier| motions.get(carrier));
+            let motion = links[i].motion(carrier.unwrap_or(&base), place.rate(qd), place.rate(qdd));
+            loads[i] = load_of(&self.bodies[i], &motion);
+            motions[i] = motion;
         }
 
-        let mut torque = SVector::<f64, N>::zeros();
-        let mut force = Vector3::zeros();
-        let mut moment = Vector3::zeros();
-        let inwards = links.iter().zip(&loads).rev();
-        for ((link, load), torque) in inwards.zip(torque.as_mut_slice().iter_mut().rev()) {
-            force += load.0;
-            moment += load.1;
-            *torque = link.torque(&force, &moment);
-            (force, moment) = link.wrench_before(&force, &moment);
+        let mut torques = [0.0; N];
+        for (i, place) in self.links.iter().enumerate().rev() {
+            let (force, moment) = loads[i];
+            if let Some(torque) = torques.get_mut(place.coordinate) {
+                *torque += place.ratio * links[i].torque(&force, &moment);
+            }
+            if let Some(load) = place.carrier.and_then(|carrier| loads.get_mut(carrier)) {
+                let (force, moment) = links[i].wrench_before(&force, &moment);
+                load.0 += force;
+                load.1 += moment;
+            }
         }
-        torque
+        torques.into()
     }
 
     fn mass(&self, links: &[Link; N]) -> SMatrix<f64, N, N> {
-        let mut composite = Composite::nothing();
+        let mut composites = [Composite::nothing(); N];
         let mut mass = SMatrix::<f64, N, N>::zeros();
-        for i in (0..N).rev() {
-            composite.add(&self.bodies[i]);
-            let link = &links[i];
+        for (i, place) in self.links.iter().enumerate().rev() {
+            composites[i].add(&self.bodies[i]);
+            let composite = composites[i];
+            let mut link = &links[i];
             // The wrench that accelerates this joint, and all beyond it, by one unit.
             let (mut force, mut moment) = composite.wrench(&link.turns, &link.slides);
-            mass[(i, i)] = link.torque(&force, &moment);
-            for j in (0..i).rev() {
-                (force, moment) = links[j + 1].wrench_before(&force, &moment);
-                let coupled = links[j].torque(&force, &moment);
-                for place in [(i, j), (j, i)] {
+            let own = (place.coordinate, place.coordinate);
+            if let Some(entry) = mass.get_mut(own) {
+                *entry += place.ratio * place.ratio * link.torque(&force, &moment);
+            }
+            let mut carrier = place.carrier;
+            while let Some(before) = carrier
+                && let Some((next, other)) = links.get(before).zip(self.links.get(before))
+            {
+                (force, moment) = link.wrench_before(&force, &moment);
+                let coupled = place.ratio * other.ratio * next.torque(&force, &moment);
+                let (row, column) = (place.coordinate, other.coordinate);
+                for place in [(row, column), (column, row)] {
                     if let Some(entry) = mass.get_mut(place) {
-                        *entry = coupled;
+                        *entry += coupled;
                     }
                 }
+                (link, carrier) = (next, other.carrier);
             }
-            composite = composite.before(link);
+            let carrier = place.carrier;
+            if let Some(before) = carrier.and_then(|carrier| composites.get_mut(carrier)) {
+                before.join(&composite.before(&links[i]));
+            }
         }
         mass
     }
+}
+
+/// The motion of a link, in its own frame.
+#[derive(Clone, Copy)]
+struct Motion {
+    /// The acceleration of its origin, m/s².
+    linear: Vector3<f64>,
+    /// The angular velocity, rad/s.
+    rate: Vector3<f64>,
+    /// The angular acceleration, rad/s².
+    acceleration: Vector3<f64>,
 }
 
 /// A link at a position of its joint.
@@ -189,6 +215,27 @@ impl Link {
         }
     }
 
+    /// The motion of this link on one that moves like this, by the rate and the acceleration of its joint.
+    #[inline(always)]
+    fn motion(&self, carrier: &Motion, qd: f64, qdd: f64) -> Motion {
+        let Pose { rotation, position } = &self.pose;
+        let Motion {
+            linear,
+            rate,
+            acceleration,
+        } = carrier;
+        let carried = linear + acceleration.cross(position) + rate.cross(&rate.cross(position));
+        let turned = rotation.tr_mul(rate);
+        let turning = self.turns * qd;
+        let rate = turned + turning;
+        let sliding = rate.cross(&(self.slides * qd));
+        Motion {
+            linear: rotation.tr_mul(&carried) + self.slides * qdd + sliding + sliding,
+            rate,
+            acceleration: rotation.tr_mul(acceleration) + self.turns * qdd + turned.cross(&turning),
+        }
+    }
+
     /// The torque (N m) or force (N) of the joint from a force and a moment about the origin of this link.
     #[inline(always)]
     fn torque(&self, force: &Vector3<f64>, moment: &Vector3<f64>) -> f64 {
@@ -211,12 +258,12 @@ impl Link {
 
 /// The force, and the moment about the origin of its link, that move a body.
 #[inline(always)]
-fn load_of(
-    body: &ChainBody,
-    rate: &Vector3<f64>,
-    acceleration: &Vector3<f64>,
-    linear: &Vector3<f64>,
-) -> (Vector3<f64>, Vector3<f64>) {
+fn load_of(body: &ChainBody, motion: &Motion) -> (Vector3<f64>, Vector3<f64>) {
+    let Motion {
+        linear,
+        rate,
+        acceleration,
+    } = motion;
     let center = &body.center;
     let at_center = linear + acceleration.cross(center) + rate.cross(&rate.cross(center));
     let force = at_center * body.mass;
@@ -225,6 +272,7 @@ fn load_of(
 }
 
 /// Bodies that move as one, in the frame of a link.
+#[derive(Clone, Copy)]
 struct Composite {
     mass: f64,
     /// Mass times the centre of mass.
@@ -247,6 +295,13 @@ impl Composite {
         self.mass += body.mass;
         self.first_moment += body.center * body.mass;
         self.inertia += body.inertia + parallel_axes(&body.center, &(body.center * body.mass));
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: &Self) {
+        self.mass += other.mass;
+        self.first_moment += other.first_moment;
+        self.inertia += other.inertia;
     }
 
     /// The force, and the moment about the origin, that give these accelerations from rest.

@@ -126,21 +126,16 @@ impl PlanarFinger {
     #[must_use]
     pub fn chain(&self) -> Chain<4> {
         let [l0, l1, l2, l3] = self.lengths;
-        let joint = |offset, axis| ChainJoint {
-            placement: Pose::at(offset, 0.0, 0.0),
-            motion: ChainMotion::Revolute(axis),
-        };
-        Chain {
-            base: self.base,
-            joints: [
-                joint(0.0, Vector3::z()),
-                joint(l0, Vector3::y()),
-                joint(l1, Vector3::y()),
-                joint(l2, Vector3::y()),
-            ],
-            bodies: self.bodies.map(|rod| rod.body()),
-            tip: Vector3::new(l3, 0.0, 0.0),
-        }
+        let joint =
+            |offset, axis| ChainJoint::new(Pose::at(offset, 0.0, 0.0), ChainMotion::Revolute(axis));
+        let joints = [
+            joint(0.0, Vector3::z()),
+            joint(l0, Vector3::y()),
+            joint(l1, Vector3::y()),
+            joint(l2, Vector3::y()),
+        ];
+        let bodies = self.bodies.map(|rod| rod.body());
+        Chain::of(self.base, joints, bodies, (3, Vector3::new(l3, 0.0, 0.0)))
     }
 
     // Sines and cosines of the sums by addition theorems: for no finite angle does a sum overflow

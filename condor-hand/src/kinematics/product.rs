@@ -21,19 +21,22 @@ enum Screw {
 
 /// The product of placements and motions.
 ///
+/// A joint that follows another one adds `ratio` times its own column to that of the other.
+///
 /// Joint i turns the tip p about the axis a through the point o: the column of the Jacobian is
 /// `[a x (p - o); a]`, and `[a; 0]` where it slides (Siciliano et al., *Robotics: Modelling,
 /// Planning and Control*, 2009, section 3.1).
 impl<const N: usize> Kinematics<N> for Chain<N> {
     fn tip(&self, q: &SVector<f64, N>) -> Pose {
-        self.walk(q, |_, _| {})
+        self.walk(q, |_, _, _| {})
     }
 
     fn kinematics(&self, q: &SVector<f64, N>) -> (Pose, Jacobian<N>) {
         let mut screws = [Screw::Still; N];
-        let mut places = screws.iter_mut();
-        let tip = self.walk(q, |motion, frame| {
-            let Some(screw) = places.next() else { return };
+        let tip = self.walk(q, |number, motion, frame| {
+            let Some(screw) = screws.get_mut(number) else {
+                return;
+            };
             *screw = match motion {
                 ChainMotion::Revolute(axis) => Screw::Turn {
                     axis: frame.rotation * axis,
@@ -46,15 +49,20 @@ impl<const N: usize> Kinematics<N> for Chain<N> {
             };
         });
         let mut jacobian = Jacobian::<N>::zeros();
-        for (mut column, screw) in jacobian.column_iter_mut().zip(screws) {
+        for (link, screw) in self.links.iter().zip(screws) {
             let (linear, angular) = match screw {
                 Screw::Turn { axis, through } => (axis.cross(&(tip.position - through)), axis),
                 Screw::Slide { axis } => (axis, Vector3::zeros()),
                 Screw::Still => continue,
             };
-            column.copy_from(&Vector6::new(
-                linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
-            ));
+            if let Some(column) = jacobian.data.0.get_mut(link.coordinate) {
+                let screw = Vector6::new(
+                    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
+                );
+                for (entry, part) in column.iter_mut().zip(&screw) {
+                    *entry += link.ratio * part;
+                }
+            }
         }
         (tip, jacobian)
     }
@@ -62,20 +70,29 @@ impl<const N: usize> Kinematics<N> for Chain<N> {
     /// There is one if the joints that move, four or fewer, are one more than the directions in
     /// which they move the tip: with more than four joints there are always several.
     fn self_motion(&self, q: &SVector<f64, N>) -> Option<SVector<f64, N>> {
-        let moving = self.joints.map(|joint| joint.motion != ChainMotion::Fixed);
+        let mut moving = [false; N];
+        for (link, joint) in self.links.iter().zip(&self.joints) {
+            if let Some(moves) = moving.get_mut(link.coordinate) {
+                *moves |= link.carries_tip && joint.motion != ChainMotion::Fixed;
+            }
+        }
         let (_, jacobian) = self.kinematics(q);
         null_direction(&jacobian.fixed_rows::<3>(0).into_owned(), &moving)
     }
 }
 
 impl<const N: usize> Chain<N> {
-    /// The frame at the tip; `joint` gets the frame of each joint before its motion.
+    /// The frame at the tip; `joint` gets the number and the frame, before its motion, of each joint on the way there.
     #[inline(always)]
-    fn walk(&self, q: &SVector<f64, N>, mut joint: impl FnMut(&ChainMotion, &Pose)) -> Pose {
+    fn walk(&self, q: &SVector<f64, N>, mut joint: impl FnMut(usize, &ChainMotion, &Pose)) -> Pose {
         let mut frame = self.base;
-        for (link, &q) in self.joints.iter().zip(q.iter()) {
+        for (number, (link, place)) in self.joints.iter().zip(&self.links).enumerate() {
+            if !place.carries_tip {
+                continue;
+            }
             frame = frame.then(&link.placement);
-            joint(&link.motion, &frame);
+            joint(number, &link.motion, &frame);
+            let q = place.position(q);
             match link.motion {
                 ChainMotion::Revolute(axis) => frame.rotation *= rotation_about(&axis, q),
                 ChainMotion::Prismatic(axis) => frame.position += frame.rotation * axis * q,

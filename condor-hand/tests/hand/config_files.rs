@@ -122,7 +122,7 @@ fn what_is_wrong_with_an_image_is_said() {
         Tripod::from_image(&other),
         Err(ImageError::Version {
             found: 5,
-            wanted: 6
+            wanted: 7
         })
     );
     for byte in 6..len {

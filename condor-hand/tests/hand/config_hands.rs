@@ -171,7 +171,8 @@ fn a_hand_of_another_kind_is_described_too() {
     assert!(matches!(
         finger.form,
         Form::Chain {
-            tip: [0.02, 0.0, 0.0]
+            tip: [0.02, 0.0, 0.0],
+            on: None
         }
     ));
     let chain = finger.chain();

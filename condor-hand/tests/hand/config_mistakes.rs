@@ -8,6 +8,7 @@ use condor_hand::config::Hand;
 const UTAH: &str = include_str!("../../hands/utah-mit.toml");
 const TRIPOD: &str = include_str!("../hands/tripod.toml");
 const DIFFERENTIAL: &str = include_str!("../hands/differential.toml");
+const COUPLED: &str = include_str!("../hands/coupled.toml");
 
 fn broken(file: &str, from: &str, to: &str) -> String {
     assert!(file.contains(from), "the file has no `{from}`");
@@ -335,6 +336,45 @@ cases! {
     no_mount: TRIPOD,
         "mount = { motion = { revolute = [1.0, 0.0, 0.0] } }" => "#",
         "hand.toml:64:1: `mount` of joint `roll` of finger `a` is missing; a joint of a chain needs one\n    [[fingers.joints]]";
+    follower_of_nobody: COUPLED,
+        "follows = { joint = \"middle\"" => "follows = { joint = \"thumb\"",
+        "hand.toml:78:21: `follows.joint` of follower `distal` of finger `finger` is no joint of the finger; name one of its joints\n    \"thumb\"";
+    follower_of_a_follower: COUPLED,
+        "follows = { joint = \"middle\"" => "follows = { joint = \"distal\"",
+        "hand.toml:78:21: `follows.joint` of follower `distal` of finger `finger` is a follower itself; follow the joint that moves by itself\n    \"distal\"";
+    follower_that_stands: COUPLED,
+        "ratio = 0.9" => "ratio = 0.0",
+        "hand.toml:78:39: `follows.ratio` of follower `distal` of finger `finger` is 0; a joint that does not move belongs to the link that carries it\n    0.0";
+    follower_without_a_ratio: COUPLED,
+        "ratio = 0.9, " => "",
+        "hand.toml:78:11: the key `ratio` is missing here\n    { joint = \"middle\", offset = 0.1 }";
+    follower_far_off: COUPLED,
+        "offset = 0.1" => "offset = nan",
+        "hand.toml:78:53: `follows.offset` of follower `distal` of finger `finger` is NaN; it must be finite\n    nan";
+    follower_with_the_name_of_a_joint: COUPLED,
+        "name = \"distal\"" => "name = \"middle\"",
+        "hand.toml:77:8: `name` of follower `middle` of finger `finger` is taken already; give each its own\n    \"middle\"";
+    follower_of_a_planar_finger: COUPLED,
+        "form = { chain = { tip = [0.0241, 0.0, 0.0], on = \"distal\" } }" => "form = { planar = { lengths = [0.0, 0.03, 0.03, 0.02] } }",
+        "hand.toml:76:1: follower `distal` of finger `finger` is needless; in a planar finger all joints move by themselves; write `form = { chain = … }`\n    [[fingers.followers]]";
+    follower_on_nothing: COUPLED,
+        "mount = { position = [0.033, 0.0, 0.0]" => "mount = { on = \"palm\", position = [0.033, 0.0, 0.0]",
+        "hand.toml:79:16: `mount.on` of follower `distal` of finger `finger` is no joint of the finger; name a joint or a follower, or `base`\n    \"palm\"";
+    follower_on_itself: COUPLED,
+        "mount = { position = [0.033, 0.0, 0.0]" => "mount = { on = \"distal\", position = [0.033, 0.0, 0.0]",
+        "hand.toml:79:16: `mount.on` of follower `distal` of finger `finger` is the joint itself, or one that it carries; name one between the base and this joint\n    \"distal\"";
+    joint_on_a_later_one: COUPLED,
+        "mount = { position = [0.0095, 0.0, 0.0]" => "mount = { on = \"middle\", position = [0.0095, 0.0, 0.0]",
+        "hand.toml:66:16: `mount.on` of joint `proximal` of finger `finger` is the joint itself, or one that it carries; name one between the base and this joint\n    \"middle\"";
+    tip_of_no_joint: COUPLED,
+        "on = \"distal\"" => "on = \"nail\"",
+        "hand.toml:47:51: `form.chain.on` of finger `finger` is no joint of the finger; name one of its joints or followers\n    \"nail\"";
+    tip_of_a_finger_with_followers: COUPLED,
+        ", on = \"distal\"" => "",
+        "hand.toml:47:18: `form.chain.on` of finger `finger` is missing; the finger has followers, so name the joint that moves the tip\n    { tip = [0.0241, 0.0, 0.0] }";
+    arm_at_nothing: COUPLED,
+        "distal = 0.008" => "nail = 0.008",
+        "hand.toml:53:83: `arms.nail` of actuator `middle-flexor` of finger `finger` is at no joint of the finger; name one of its joints\n    0.008";
     needless_mount: UTAH,
         "adc = { board = 0, channel = 1 }" => "mount = { motion = { revolute = [0.0, 1.0, 0.0] } }\nadc = { board = 0, channel = 1 }",
         "hand.toml:163:9: `mount` of joint `proximal` of finger `index` is needless; in a planar finger the lengths say where joints are, so leave it out\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";

@@ -12,7 +12,9 @@ use std::ops::{Mul, Sub};
 
 use condor_hand::Pose;
 use condor_hand::dynamics::Dynamics;
-use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion};
+use condor_hand::kinematics::{
+    Carrier, Chain, ChainBody, ChainJoint, ChainMotion, Following, Kinematics,
+};
 use condor_hand::math::max;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, Vector3, Vector4};
 use proptest::prelude::*;
@@ -33,22 +35,42 @@ where
     (on - back) * (8.0 / (12.0 * STEP)) - (far_on - far_back) * (1.0 / (12.0 * STEP))
 }
 
+/// The place of each joint's number in the vectors: that of the other for one that follows.
+fn places<const N: usize>(chain: &Chain<N>) -> [usize; N] {
+    let joints = chain.joints();
+    let own = |joint: usize| {
+        joints[..joint]
+            .iter()
+            .filter(|it| it.follows.is_none())
+            .count()
+    };
+    std::array::from_fn(|joint| own(joints[joint].follows.map_or(joint, |it| it.joint)))
+}
+
 /// The frame of each link, in the palm.
 fn frames<const N: usize>(chain: &Chain<N>, q: &Joints<N>) -> [Pose; N] {
-    let mut frame = *chain.base();
-    std::array::from_fn(|i| {
-        let joint = &chain.joints()[i];
-        frame = frame.then(&joint.placement);
+    let (mut frames, places) = ([*chain.base(); N], places(chain));
+    for (i, joint) in chain.joints().iter().enumerate() {
+        let carrier = match joint.on {
+            Carrier::Previous => i.checked_sub(1),
+            Carrier::Base => None,
+            Carrier::Joint(other) => Some(other),
+        };
+        let carrier = carrier.map_or(*chain.base(), |carrier| frames[carrier]);
+        let (ratio, offset) = joint.follows.map_or((1.0, 0.0), |it| (it.ratio, it.offset));
+        let position = ratio * q[places[i]] + offset;
+        let mut frame = carrier.then(&joint.placement);
         match joint.motion {
             ChainMotion::Revolute(axis) => {
-                let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), q[i]);
+                let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), position);
                 frame.rotation *= turn.into_inner();
             }
-            ChainMotion::Prismatic(axis) => frame.position = frame.transform(&(axis * q[i])),
+            ChainMotion::Prismatic(axis) => frame.position = frame.transform(&(axis * position)),
             ChainMotion::Fixed => {}
         }
-        frame
-    })
+        frames[i] = frame;
+    }
+    frames
 }
 
 fn potential<const N: usize>(chain: &Chain<N>, q: &Joints<N>, gravity: &Vector3<f64>) -> f64 {
@@ -161,15 +183,76 @@ fn bodies() -> impl Strategy<Value = ChainBody> {
 
 fn chains<const N: usize>() -> impl Strategy<Value = Chain<N>> {
     let joint =
-        (poses(), motions()).prop_map(|(placement, motion)| ChainJoint { placement, motion });
+        (poses(), motions()).prop_map(|(placement, motion)| ChainJoint::new(placement, motion));
     let joints = prop::array::uniform(joint);
     (poses(), joints, prop::array::uniform(bodies())).prop_map(|(base, joints, bodies)| {
         Chain::new(base, joints, bodies, Vector3::zeros()).unwrap()
     })
 }
 
-fn moves(joint: &ChainJoint) -> bool {
-    joint.motion != ChainMotion::Fixed
+/// Chains whose links branch, and whose joints follow others.
+fn branching<const N: usize>() -> impl Strategy<Value = Chain<N>> {
+    let choices =
+        prop::array::uniform::<_, N>((0..3_u8, 0..N, 0..4_u8, 0..N, -2.0..2.0, -1.0..1.0));
+    (chains::<N>(), choices).prop_map(|(chain, choices)| {
+        let mut joints = *chain.joints();
+        let moves = |joint: usize| joint == 0 || choices[joint].2 != 0;
+        for (joint, (place, (on, carrier, _, other, ratio, offset))) in
+            joints.iter_mut().zip(choices).enumerate()
+        {
+            place.on = match on {
+                0 => Carrier::Previous,
+                1 => Carrier::Base,
+                _ => carrier
+                    .checked_rem(joint)
+                    .map_or(Carrier::Base, Carrier::Joint),
+            };
+            let joint_moves = moves(joint);
+            place.follows = (!joint_moves).then(|| Following {
+                joint: if moves(other) { other } else { 0 },
+                ratio,
+                offset,
+            });
+        }
+        Chain::new(*chain.base(), joints, *chain.bodies(), *chain.tip_point()).unwrap()
+    })
+}
+
+/// Returns 1 for each number that moves a joint, and 0 for the others.
+fn moving<const N: usize>(chain: &Chain<N>) -> Joints<N> {
+    let places = places(chain);
+    let mut moving = Joints::<N>::zeros();
+    for (joint, place) in chain.joints().iter().zip(places) {
+        if joint.motion != ChainMotion::Fixed {
+            moving[place] = 1.0;
+        }
+    }
+    moving
+}
+
+/// The columns of the Jacobian are the derivatives of the pose of the tip, wherever that is.
+fn jacobian_from_places<const N: usize>(
+    chain: &Chain<N>,
+    q: &Joints<N>,
+) -> Result<(), TestCaseError> {
+    let (tip, jacobian) = chain.kinematics(q);
+    prop_assert_eq!(tip, chain.tip(q));
+    for joint in 0..N {
+        let moved = STENCIL.map(|t| {
+            let mut q = *q;
+            q[joint] += t;
+            chain.tip(&q)
+        });
+        let linear = derivative(moved.map(|pose| pose.position));
+        let cross = derivative(moved.map(|pose| pose.rotation)) * tip.rotation.transpose();
+        let angular = Vector3::new(cross[(2, 1)], cross[(0, 2)], cross[(1, 0)]);
+        let column = jacobian.column(joint);
+        let difference = (column.fixed_rows::<3>(0) - linear).amax();
+        prop_assert!(difference < 1e-8, "{} {}", column, linear);
+        let difference = (column.fixed_rows::<3>(3) - angular).amax();
+        prop_assert!(difference < 1e-8, "{} {}", column, angular);
+    }
+    Ok(())
 }
 
 fn follow_from_lagrange<const N: usize>(
@@ -192,7 +275,7 @@ proptest! {
 
     #[test]
     fn torques_of_any_chain_follow_from_its_energies(
-        chain in chains::<4>(), q in vectors(2.0), qd in vectors(1.0), qdd in vectors(3.0),
+        chain in branching::<4>(), q in vectors(2.0), qd in vectors(1.0), qdd in vectors(3.0),
         gravity in in_space(10.0),
     ) {
         follow_from_lagrange(&chain, [q, qd, qdd], &gravity)?;
@@ -200,7 +283,7 @@ proptest! {
 
     #[test]
     fn torques_of_an_arm_follow_from_its_energies(
-        chain in chains::<7>(), q in vectors(2.0), qd in vectors(1.0), qdd in vectors(3.0),
+        chain in branching::<7>(), q in vectors(2.0), qd in vectors(1.0), qdd in vectors(3.0),
         gravity in in_space(10.0),
     ) {
         follow_from_lagrange(&chain, [q, qd, qdd], &gravity)?;
@@ -209,12 +292,24 @@ proptest! {
 
 proptest! {
     #[test]
+    fn the_tip_of_any_chain_moves_as_its_jacobian_says(
+        chain in branching::<5>(), q in vectors(2.0), link in 0..5_usize, tip in in_space(0.3),
+    ) {
+        let chain = chain.with_tip(link, tip).unwrap();
+        let frame = frames(&chain, &q)[link];
+        let place = frame.transform(&tip);
+        prop_assert!((chain.tip(&q).position - place).amax() < 1e-12);
+        prop_assert_eq!(chain.up_to(link).tip(&q).rotation, chain.tip(&q).rotation);
+        jacobian_from_places(&chain, &q)?;
+    }
+
+    #[test]
     fn the_torques_of_an_acceleration_cause_it(
-        chain in chains::<7>(), q in vectors(3.0), qd in vectors(3.0), qdd in vectors(30.0),
+        chain in branching::<7>(), q in vectors(3.0), qd in vectors(3.0), qdd in vectors(30.0),
         gravity in in_space(10.0), armature in prop::array::uniform(0.0..0.1),
     ) {
         let armature = Joints::<7>::from(armature);
-        let moving = Joints::<7>::from_fn(|i, _| f64::from(u8::from(moves(&chain.joints()[i]))));
+        let moving = moving(&chain);
         let torque = chain.inverse_dynamics(&q, &qd, &qdd, &gravity)
             + armature.component_mul(&qdd).component_mul(&moving);
         let caused = chain.forward_dynamics(&q, &qd, &torque, &gravity, &armature).unwrap();
@@ -311,12 +406,14 @@ fn a_finger_that_falls_keeps_its_energy() {
 #[test]
 fn a_chain_that_turns_and_slides_keeps_its_energy() {
     let tilt = Rotation3::new(Vector3::new(0.4, -0.2, 0.3)).into_inner();
-    let joint = |z, motion| ChainJoint {
-        placement: Pose {
-            rotation: tilt,
-            position: Vector3::new(0.05, 0.0, z),
-        },
-        motion,
+    let joint = |z, motion| {
+        ChainJoint::new(
+            Pose {
+                rotation: tilt,
+                position: Vector3::new(0.05, 0.0, z),
+            },
+            motion,
+        )
     };
     let chain = Chain::new(
         Pose::at(0.0, 0.0, 1.0),

@@ -4,7 +4,8 @@
 use crate::support::{self, FINGERS, geometry, joints, reference, vector};
 use condor_hand::Pose;
 use condor_hand::kinematics::{
-    Chain, ChainBody, ChainJoint, ChainMotion, Jacobian, Kinematics, PlanarFinger,
+    Carrier, Chain, ChainBody, ChainJoint, ChainMotion, Following, Jacobian, Kinematics,
+    PlanarFinger,
 };
 use condor_hand::math::sin_cos;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector4};
@@ -147,9 +148,8 @@ fn placed(x: f64, y: f64, z: f64, axis: Vector3<f64>, angle: f64) -> Pose {
 
 /// A thumb with two skew axes at its root, a twist, and one place without a joint.
 fn thumb() -> Chain<5> {
-    let revolute = |placement, axis: Vector3<f64>| ChainJoint {
-        placement,
-        motion: ChainMotion::Revolute(axis.normalize()),
+    let revolute = |placement, axis: Vector3<f64>| {
+        ChainJoint::new(placement, ChainMotion::Revolute(axis.normalize()))
     };
     Chain::new(
         placed(0.02, 0.035, -0.01, Vector3::new(1.0, 2.0, -0.5), 0.9),
@@ -159,10 +159,10 @@ fn thumb() -> Chain<5> {
                 placed(0.011, 0.004, -0.003, Vector3::x(), 0.4),
                 Vector3::new(0.1, 1.0, 0.2),
             ),
-            ChainJoint {
-                placement: placed(0.02, 0.0, 0.001, Vector3::z(), -0.2),
-                motion: ChainMotion::Fixed,
-            },
+            ChainJoint::new(
+                placed(0.02, 0.0, 0.001, Vector3::z(), -0.2),
+                ChainMotion::Fixed,
+            ),
             revolute(placed(0.026, 0.001, 0.0, Vector3::x(), 0.3), Vector3::y()),
             revolute(placed(0.032, 0.0, 0.002, Vector3::y(), 0.1), -Vector3::y()),
         ],
@@ -191,14 +191,14 @@ fn arm() -> Chain<7> {
             let along = offsets[joint];
             let placement = placed(0.01, -0.02, along, axis + Vector3::x(), 0.2 * along);
             joint += 1;
-            ChainJoint {
+            ChainJoint::new(
                 placement,
-                motion: if joint == 1 {
+                if joint == 1 {
                     ChainMotion::Prismatic(axis)
                 } else {
                     ChainMotion::Revolute(axis)
                 },
-            }
+            )
         }),
         [ChainBody::massless(); 7],
         Vector3::new(0.02, 0.03, 0.1),
@@ -243,10 +243,7 @@ fn self_motion_counts_the_joints_that_move() {
     assert!((still.norm() - 1.0).abs() < 1e-15);
     assert_eq!(arm().self_motion(&SVector::repeat(0.3)), None);
 
-    let slide = |axis| ChainJoint {
-        placement: Pose::identity(),
-        motion: ChainMotion::Prismatic(axis),
-    };
+    let slide = |axis| ChainJoint::new(Pose::identity(), ChainMotion::Prismatic(axis));
     let rails = Chain::<2>::new(
         Pose::identity(),
         [slide(Vector3::x()), slide(-Vector3::x())],
@@ -413,6 +410,42 @@ fn a_mechanism_that_cannot_be_is_refused_by_name() {
     );
     let mass = refusal(|_, _, bodies| bodies[3].mass = -1.0);
     assert_eq!(mass, "link 3: the mass, kg, is -1; it must be at least 0");
+    let later = refusal(|_, joints, _| joints[2].on = Carrier::Joint(2));
+    assert_eq!(
+        later,
+        "joint 2: the number of the joint that carries it is 2; it must be below 2"
+    );
+    let following = |joint, ratio| {
+        let offset = 0.0;
+        Some(Following {
+            joint,
+            ratio,
+            offset,
+        })
+    };
+    let itself = refusal(|_, joints, _| joints[3].follows = following(3, 1.0));
+    assert_eq!(
+        itself,
+        "joint 3: the number of joints between it and one that moves by itself is 1; it must be 0"
+    );
+    let follower = refusal(|_, joints, _| {
+        joints[1].follows = following(0, 1.0);
+        joints[3].follows = following(1, 1.0);
+    });
+    assert!(
+        follower.starts_with("joint 3: the number of joints between"),
+        "{follower}"
+    );
+    let nobody = refusal(|_, joints, _| joints[3].follows = following(5, 1.0));
+    assert_eq!(
+        nobody,
+        "joint 3: the number of the joint that it follows is 5; it must be below 5"
+    );
+    let ratio = refusal(|_, joints, _| joints[3].follows = following(0, f64::INFINITY));
+    assert!(
+        ratio.starts_with("joint 3: the ratio to the joint that it follows is "),
+        "{ratio}"
+    );
     let place = refusal(|_, joints, _| joints[0].placement.position.x = f64::NAN);
     assert!(
         place.starts_with("the placement of joint 0: a coordinate, m, is "),

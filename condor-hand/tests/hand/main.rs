@@ -26,6 +26,7 @@ mod controller;
 mod controller_guards;
 mod effort_servo;
 mod faults;
+mod followers;
 mod grasp;
 mod impedance;
 mod servo_actuators;

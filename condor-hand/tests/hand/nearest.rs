@@ -14,10 +14,7 @@ use proptest::prelude::*;
 
 /// Three turning joints about different axes and a sliding one.
 fn chain() -> Chain<4> {
-    let joint = |x: f64, motion| ChainJoint {
-        placement: Pose::at(x, 0.0, 0.01),
-        motion,
-    };
+    let joint = |x: f64, motion| ChainJoint::new(Pose::at(x, 0.0, 0.01), motion);
     Chain::new(
         Pose::at(0.1, 0.0, -0.02),
         [

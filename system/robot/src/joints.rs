@@ -153,9 +153,13 @@ pub(crate) fn absent() -> Finger<JOINTS, ACTUATORS> {
             position: NOWHERE,
             ..Placement::default()
         },
-        form: Form::Chain { tip: [0.0; 3] },
+        form: Form::Chain {
+            tip: [0.0; 3],
+            on: None,
+        },
         touch: None,
         joints: heapless::Vec::new(),
+        followers: heapless::Vec::new(),
         actuators: heapless::Vec::new(),
     }
 }

@@ -17,13 +17,13 @@ pub(crate) struct Capsule {
 }
 
 impl Capsule {
-    /// Returns the shape of a link in its own frame; `None` for a link without length. The surface of the
-    /// last link ends at the tip.
+    /// Returns the shape of a link in its own frame; `None` for a link without length. The surface of a link that
+    /// carries no other one ends at its end, such as the tip.
     pub(crate) fn of(finger: &Finger, place: usize, link: &Link) -> Option<Self> {
         let along = finger.along(place);
         let length = along.norm();
         let direction = along.try_normalize(f64::EPSILON)?;
-        let is_last = place + 1 == finger.links.len();
+        let is_last = finger.is_end(place);
         let mut radius = link
             .cuboid
             .map_or(RADIUS_M, |edges| across(edges, &direction) / 2.0);

@@ -44,7 +44,7 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
     #[must_use]
     pub fn new(hand: &Hand<FINGERS, JOINTS, ACTUATORS>) -> Self {
         let fingers: Vec<Finger> = hand.fingers.iter().map(Finger::new).collect();
-        let joints = fingers.iter().flat_map(|finger| &finger.links).map(|link| {
+        let joints = fingers.iter().flat_map(Finger::joints).map(|link| {
             let variable = |what| format!("{}.{what}", link.name);
             RobotJoint {
                 name: link.name.clone(),
@@ -82,8 +82,8 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
     pub(crate) fn posed(&self, positions: &[f64]) -> impl Iterator<Item = (&Finger, Vec<Pose>)> {
         let mut positions = finite(positions);
         self.fingers.iter().map(move |finger| {
-            let own = positions.by_ref().take(finger.links.len());
-            (finger, finger.poses(own))
+            let own: Vec<f64> = positions.by_ref().take(finger.joints().count()).collect();
+            (finger, finger.poses(&own))
         })
     }
 }
@@ -111,15 +111,22 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Robot
         }];
         let mut tendons = Vec::new();
         for (finger, poses) in self.posed(positions) {
-            let origins = poses.iter().map(|pose| pose.position);
-            let tip = poses.last().map(|last| last.transform(&finger.tip));
-            let points = [finger.base.position].into_iter().chain(origins).chain(tip);
             lines.push(RobotLine {
                 name: finger.name.clone(),
-                points: points.map(Into::into).collect(),
+                points: points(finger, &poses, finger.tip_link),
                 radius_m: finger.radius_m(),
                 effort: None,
             });
+            for (place, link) in finger.links.iter().enumerate() {
+                if place != finger.tip_link && finger.is_end(place) {
+                    lines.push(RobotLine {
+                        name: link.name.clone(),
+                        points: points(finger, &poses, place),
+                        radius_m: finger.radius_m(),
+                        effort: None,
+                    });
+                }
+            }
             for tendon in &finger.tendons {
                 tendons.push(RobotLine {
                     name: tendon.name.clone(),
@@ -137,17 +144,20 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Robot
         let mut positions = finite(positions);
         let mut frames = Vec::new();
         for finger in &self.fingers {
-            let mut parent = PALM.to_owned();
-            let mut base = Some(finger.base);
-            for link in &finger.links {
-                let own = link.moved(positions.next().unwrap_or(0.0));
-                let pose = base.take().map_or(own, |base| base.then(&own));
-                let name = link.frame_name();
-                frames.push(frame(&name, &parent, &pose));
-                parent = name;
+            let own: Vec<f64> = positions.by_ref().take(finger.joints().count()).collect();
+            let on = |carrier: Option<usize>, pose: Pose| {
+                let carrier = carrier.and_then(|carrier| finger.links.get(carrier));
+                match carrier {
+                    Some(carrier) => (carrier.frame_name(), pose),
+                    None => (PALM.to_owned(), finger.base.then(&pose)),
+                }
+            };
+            for (link, position) in finger.links.iter().zip(finger.positions(&own)) {
+                let (parent, pose) = on(link.carrier, link.moved(position));
+                frames.push(frame(&link.frame_name(), &parent, &pose));
             }
             let tip = Pose::at(finger.tip.x, finger.tip.y, finger.tip.z);
-            let tip = base.take().map_or(tip, |base| base.then(&tip));
+            let (parent, tip) = on(Some(finger.tip_link), tip);
             frames.push(frame(&finger.tip_name(), &parent, &tip));
         }
         frames
@@ -168,7 +178,7 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Robot
         let fingers = self.posed(positions).enumerate();
         let touching = fingers.filter(|(number, _)| has_bit(touching, *number));
         let contacts = touching.filter_map(|(number, (finger, poses))| {
-            let tip = poses.last()?.transform(&finger.tip);
+            let tip = poses.get(finger.tip_link)?.transform(&finger.tip);
             let out = (tip - center).try_normalize(0.0)?;
             let force_n = forces.get(number).copied();
             Some(RobotContact {
@@ -193,6 +203,19 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Robot
     fn simulator(&self) -> Option<&dyn Simulator> {
         Some(self)
     }
+}
+
+/// Returns the points of the line from the base of a finger along its links to the end of one of them, m.
+fn points(finger: &Finger, poses: &[Pose], end: usize) -> Vec<[f64; 3]> {
+    let mut points = vec![finger.base.position];
+    let way = finger.way(end).into_iter();
+    points.extend(way.filter_map(|link| Some(poses.get(link)?.position)));
+    points.extend(
+        poses
+            .get(end)
+            .map(|pose| pose.transform(&finger.along(end))),
+    );
+    points.into_iter().map(Into::into).collect()
 }
 
 /// The positions, as far as they are numbers; then 0 without end.

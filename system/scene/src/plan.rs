@@ -137,7 +137,7 @@ fn empty<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>(
 ) -> Plan {
     let mut joints = Vec::new();
     for ((entry, finger), model) in view.hand.fingers.iter().zip(&view.fingers).zip(models) {
-        for (place, (joint, link)) in entry.joints.iter().zip(&finger.links).enumerate() {
+        for (place, (joint, link)) in entry.joints.iter().zip(finger.joints()).enumerate() {
             let own = model
                 .own(place)
                 .filter_map(|number| entry.actuators.get(number));

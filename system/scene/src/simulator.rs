@@ -10,6 +10,7 @@ use serde_json::Value as Json;
 
 use crate::HandView;
 use crate::capsule::{Capsule, RADIUS_M};
+use crate::finger::Link;
 use crate::hand::{PALM, finite};
 use crate::plan;
 
@@ -50,17 +51,18 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Simulato
         let mut positions = self.moved(positions).positions;
         let (finger, place) = self.carrier(frame)?;
         let before = self.fingers.iter().take(finger);
-        let first = before.map(|finger| finger.links.len()).sum::<usize>();
+        let first = before.map(|finger| finger.joints().count()).sum::<usize>();
         let (Some(entry), Some(links)) = (self.hand.fingers.get(finger), self.fingers.get(finger))
         else {
             return Err(no_frame(frame));
         };
-        let own = positions.get(first..first + links.links.len());
+        let joints: Vec<&Link> = links.joints().collect();
+        let own = positions.get(first..first + joints.len());
         let own = own.unwrap_or(&[]).to_vec();
         let present =
             SVector::<f64, JOINTS>::from_fn(|row, _| own.get(row).copied().unwrap_or(0.0));
         // Places without a joint have any limits that are possible.
-        let range = |row: usize| links.links.get(row).map(|link| link.limits);
+        let range = |row: usize| joints.get(row).map(|link| link.limits);
         let low = SVector::from_fn(|row, _| range(row).map_or(-1.0, |it| it.low));
         let high = SVector::from_fn(|row, _| range(row).map_or(1.0, |it| it.high));
         let limits = JointLimits::new(low, high)?;
@@ -75,7 +77,7 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Simulato
             *position = *found;
         }
         let is_reached = nearest.distance <= REACHED_M;
-        let held = links.links.iter().zip(nearest.held);
+        let held = joints.iter().zip(nearest.held);
         let held = held.filter_map(|(link, side)| {
             let limit = match side.filter(|_| !is_reached)? {
                 Side::Low => link.limits.low,

@@ -16,13 +16,12 @@ const END: f64 = 0.5;
 /// Returns the points of a tendon in the palm, when the links of its finger have these poses.
 pub(crate) fn points(tendon: &Tendon, finger: &Finger, poses: &[Pose]) -> Vec<[f64; 3]> {
     let mut points = Vec::new();
-    let mut before = finger.base;
     let joints = tendon.arms.iter().zip(&finger.links).zip(poses).enumerate();
     for (place, ((arm, link), pose)) in joints {
         let along = finger.along(place);
         if *arm != 0.0 {
             let aside = *arm * aside(link.motion, &along);
-            let rest = before.then(&link.placement);
+            let rest = finger.carrier(link, poses).then(&link.placement);
             if points.is_empty() {
                 let straight = finger.base.rotation * finger.along(0);
                 let back = straight.try_normalize(0.0).unwrap_or_default() * BEFORE;
@@ -33,7 +32,6 @@ pub(crate) fn points(tendon: &Tendon, finger: &Finger, poses: &[Pose]) -> Vec<[f
         if place + 1 == tendon.arms.len() {
             points.push(pose.transform(&(along * END)));
         }
-        before = *pose;
     }
     points.into_iter().map(Into::into).collect()
 }

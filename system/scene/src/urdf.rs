@@ -17,27 +17,29 @@ pub(crate) fn write(name: &str, base: &str, fingers: &[Finger]) -> String {
     // A string takes everything.
     let _ = writeln!(text, "  <link name=\"{base}\"/>");
     for finger in fingers {
-        let mut parent = base.to_owned();
-        let mut before = finger.base;
+        let on = |carrier: Option<usize>, pose: &Pose| {
+            let carrier = carrier.and_then(|carrier| finger.links.get(carrier));
+            match carrier {
+                Some(carrier) => (escaped(&carrier.frame_name()), *pose),
+                None => (base.to_owned(), finger.base.then(pose)),
+            }
+        };
         for link in &finger.links {
             let name = escaped(&link.frame_name());
             let _ = write!(text, "{}", body(link, &name));
-            let _ = write!(
-                text,
-                "{}",
-                joint(link, &name, &parent, &before.then(&link.placement))
-            );
-            (parent, before) = (name, Pose::identity());
+            let (parent, at) = on(link.carrier, &link.placement);
+            let _ = write!(text, "{}", joint(link, &name, &parent, &at));
         }
         let name = escaped(&finger.tip_name());
         let tip = Pose::at(finger.tip.x, finger.tip.y, finger.tip.z);
+        let (parent, tip) = on(Some(finger.tip_link), &tip);
         let _ = writeln!(text, "  <link name=\"{name}\"/>");
         let _ = writeln!(text, "  <joint name=\"{name}_joint\" type=\"fixed\">");
         let _ = writeln!(
             text,
             "    <parent link=\"{parent}\"/>\n    <child link=\"{name}\"/>"
         );
-        let _ = writeln!(text, "    {}\n  </joint>", origin(&before.then(&tip)));
+        let _ = writeln!(text, "    {}\n  </joint>", origin(&tip));
     }
     text + "</robot>\n"
 }
@@ -74,11 +76,15 @@ fn joint(link: &Link, child: &str, parent: &str, at: &Pose) -> String {
         ChainMotion::Fixed => ("fixed", Vector3::x()),
     };
     let (name, limits) = (escaped(&link.name), &link.limits);
+    let mimic = link.follows.as_ref().map_or_else(String::new, |it| {
+        let (other, ratio, offset) = (escaped(&it.name), it.ratio, it.offset);
+        format!("\n    <mimic joint=\"{other}\" multiplier=\"{ratio}\" offset=\"{offset}\"/>")
+    });
     format!(
         "  <joint name=\"{name}\" type=\"{kind}\">\n    \
          <parent link=\"{parent}\"/>\n    <child link=\"{child}\"/>\n    {}\n    \
          <axis xyz=\"{}\"/>\n    \
-         <limit lower=\"{}\" upper=\"{}\" effort=\"{}\" velocity=\"{}\"/>\n  </joint>\n",
+         <limit lower=\"{}\" upper=\"{}\" effort=\"{}\" velocity=\"{}\"/>{mimic}\n  </joint>\n",
         origin(at),
         three(&axis),
         limits.low,

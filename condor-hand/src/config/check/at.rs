@@ -126,6 +126,15 @@ impl At {
         )
     }
 
+    /// A follower of this finger.
+    pub(super) fn follower(&self, index: usize, name: &Name) -> Self {
+        let (way, finger) = (&self.way, &self.owner);
+        Self::new(
+            format_args!("{way}followers[{index}]."),
+            format_args!("follower `{}` of {finger}", short(name)),
+        )
+    }
+
     /// An actuator of this finger.
     pub(super) fn actuator(&self, index: usize, name: &Name) -> Self {
         let (way, finger) = (&self.way, &self.owner);

@@ -4,8 +4,8 @@ use nalgebra::Matrix3;
 
 use super::at::{At, NOT_NEGATIVE, ORTHONORMAL, POSITIVE, Rule};
 use crate::config::{
-    Actuator, Finger, Form, Hand, Joint, JointMotion, LinkBody, Mistake, Mount, ProcessorKind,
-    Rotation, ServoLaw, Shape,
+    Actuator, BASE, Finger, Form, Hand, Joint, JointMotion, LinkBody, Mistake, Mount, Name,
+    ProcessorKind, Rotation, ServoLaw, Shape,
 };
 use crate::kinematics::body_inertia;
 use crate::math::{abs, is_finite, max};
@@ -29,7 +29,9 @@ impl<const F: usize, const J: usize, const A: usize> Hand<F, J, A> {
             at.input(&touch.adc, [0.0, touch.contact_n])?;
         }
         at.not_empty("joints", finger.joints.is_empty())?;
+        finger.check_followers(&at)?;
         finger.check_form(&at)?;
+        finger.check_links(&at)?;
         let first = finger.processor().unwrap_or(0);
         for (place, joint) in finger.joints.iter().enumerate() {
             let at = at.joint(place, &joint.name);
@@ -74,8 +76,9 @@ impl<const J: usize, const A: usize> Finger<J, A> {
                 ])?;
                 true
             }
-            Form::Chain { tip } => {
-                at.list("form.chain.tip", &tip, Requirement::Finite)?;
+            Form::Chain { ref tip, ref on } => {
+                at.list("form.chain.tip", tip, Requirement::Finite)?;
+                self.check_tip(&at.table("form.chain"), on.as_ref())?;
                 false
             }
         };
@@ -108,6 +111,106 @@ impl<const J: usize, const A: usize> Finger<J, A> {
         Ok(())
     }
 
+    /// Checks which joint moves the tip.
+    fn check_tip(&self, at: &At, on: Option<&Name>) -> Result<(), Mistake> {
+        match on {
+            None if self.followers.is_empty() => Ok(()),
+            None => {
+                let rule = "the finger has followers, so name the joint that moves the tip";
+                Err(at.words("on", "missing", rule))
+            }
+            Some(on) if self.has(on) => Ok(()),
+            Some(_) => Err(at.words(
+                "on",
+                "no joint of the finger",
+                "name one of its joints or followers",
+            )),
+        }
+    }
+
+    /// Returns true if a joint or a follower has this name.
+    fn has(&self, name: &Name) -> bool {
+        let followers = self.followers.iter().map(|follower| &follower.name);
+        let mut all = self.joints.iter().map(|joint| &joint.name).chain(followers);
+        all.any(|other| other == name)
+    }
+
+    /// Checks the joints that follow others.
+    fn check_followers(&self, at: &At) -> Result<(), Mistake> {
+        let room = J.saturating_sub(self.joints.len());
+        for (place, follower) in self.followers.iter().enumerate() {
+            let at = at.follower(place, &follower.name);
+            if matches!(self.form, Form::Planar { .. }) {
+                let rule = "in a planar finger all joints move by themselves; write `form = { chain = … }`";
+                return Err(at.words("", "needless", rule));
+            }
+            let joints = self.joints.iter().map(|joint| &joint.name);
+            let earlier = self.followers.iter().take(place);
+            at.name(&follower.name, joints.chain(earlier.map(|it| &it.name)))?;
+            if place >= room {
+                let rule = "joints and followers together are more than the program has room for";
+                return Err(at.words("", "one too many", rule));
+            }
+            let follows = &follower.follows;
+            let moves = self.joints.iter().any(|joint| joint.name == follows.joint);
+            if !moves {
+                let other = self
+                    .followers
+                    .iter()
+                    .find(|other| other.name == follows.joint);
+                let (state, rule) = match other {
+                    Some(_) => ("a follower itself", "follow the joint that moves by itself"),
+                    None => ("no joint of the finger", "name one of its joints"),
+                };
+                return Err(at.words("follows.joint", state, rule));
+            }
+            at.numbers([
+                ("follows.ratio", follows.ratio, Requirement::Finite),
+                ("follows.offset", follows.offset, Requirement::Finite),
+            ])?;
+            if follows.ratio == 0.0 {
+                let rule = "a joint that does not move belongs to the link that carries it";
+                return Err(at.words("follows.ratio", "0", rule));
+            }
+            follower.mount.check(&at.table("mount"))?;
+            if let Some(body) = &follower.body {
+                body.check(&at.table("body"), false)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that something carries each joint, from the base on.
+    fn check_links(&self, at: &At) -> Result<(), Mistake> {
+        let links = self.links();
+        let is_carried = |name: &Name| links.iter().any(|link| link.name == name);
+        let mounts = self.joints.iter().enumerate().map(|(place, joint)| {
+            (
+                at.joint(place, &joint.name),
+                &joint.name,
+                joint.mount.as_ref(),
+            )
+        });
+        let followers = self.followers.iter().enumerate().map(|(place, follower)| {
+            let at = at.follower(place, &follower.name);
+            (at, &follower.name, Some(&follower.mount))
+        });
+        for (at, name, mount) in mounts.chain(followers) {
+            let Some(on) = mount.and_then(|mount| mount.on.as_ref()) else {
+                continue;
+            };
+            if on != BASE && !self.has(on) {
+                let rule = "name a joint or a follower, or `base`";
+                return Err(at.words("mount.on", "no joint of the finger", rule));
+            }
+            if !is_carried(name) {
+                let rule = "name one between the base and this joint";
+                return Err(at.words("mount.on", "the joint itself, or one that it carries", rule));
+            }
+        }
+        Ok(())
+    }
+
     /// Checks that each joint can have torques of its own, and none.
     fn check_torques(&self, at: &At) -> Result<(), Mistake> {
         let at_joint = |joint: usize| {
@@ -118,7 +221,7 @@ impl<const J: usize, const A: usize> Finger<J, A> {
             if self
                 .actuators
                 .iter()
-                .all(|actuator| actuator.arm(&joint.name) == 0.0)
+                .all(|actuator| self.arm(actuator, joint) == 0.0)
             {
                 let rule = "give an actuator an arm at the joint, in its `arms`";
                 return Err(at_joint(place).words("", "moved by no actuator", rule));
@@ -126,7 +229,7 @@ impl<const J: usize, const A: usize> Finger<J, A> {
         }
         for (place, joint) in self.joints.iter().enumerate() {
             let mut moving =
-                (self.actuators.iter()).filter(|actuator| actuator.arm(&joint.name) != 0.0);
+                (self.actuators.iter()).filter(|actuator| self.arm(actuator, joint) != 0.0);
             let k_tau = joint.servo.k_tau;
             if k_tau != 0.0 && moving.any(|actuator| actuator.adc.is_none()) {
                 let reason = ", since an actuator of the joint has no sensor of its effort (`adc`)";
@@ -330,7 +433,7 @@ impl<const J: usize> Actuator<J> {
         at.not_empty("arms", self.arms.is_empty())?;
         let at = at.table("arms");
         for (name, &arm) in &self.arms {
-            if !finger.joints.iter().any(|joint| joint.name == *name) {
+            if !finger.has(name) {
                 let rule = "name one of its joints";
                 return Err(at.words(name, "at no joint of the finger", rule));
             }

@@ -60,7 +60,7 @@ impl<const J: usize, const A: usize> Finger<J, A> {
     fn rests(&self, joint: &Joint, law_hz: f64, stop_hz: f64, rate_hz: u32) -> bool {
         let rate_hz = f64::from(rate_hz);
         let mut moving =
-            (self.actuators.iter()).filter(|actuator| actuator.arm(&joint.name) != 0.0);
+            (self.actuators.iter()).filter(|actuator| self.arm(actuator, joint) != 0.0);
         moving.all(|actuator| {
             let mut powers = tick(joint, (law_hz, stop_hz), actuator, rate_hz);
             let mut ticks = 1.0;

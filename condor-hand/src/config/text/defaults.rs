@@ -9,8 +9,9 @@ use toml::de::{DeTable, DeValue};
 type Value<'t> = Spanned<DeValue<'t>>;
 
 /// The lists of a finger, each with the key of the defaults of its entries, in a finger or for all fingers.
-const LISTS: [(&str, &str); 2] = [
+const LISTS: [(&str, &str); 3] = [
     ("joints", "joint_defaults"),
+    ("followers", "follower_defaults"),
     ("actuators", "actuator_defaults"),
 ];
 
@@ -72,7 +73,7 @@ fn take<'t>(table: &mut Value<'t>, key: &str) -> Option<Value<'t>> {
 
 /// Takes the defaults of the lists out of a table.
 fn take_defaults<'t>(table: &mut Value<'t>) -> Result<Defaults<'t>, Misreading> {
-    let mut all = [None, None];
+    let mut all = [None, None, None];
     for (place, (_, key)) in all.iter_mut().zip(LISTS) {
         *place = take(table, key);
         if let Some(value) = place

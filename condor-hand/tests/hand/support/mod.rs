@@ -110,12 +110,14 @@ impl Geometry {
     pub(crate) fn chain(&self, finger: usize) -> Chain<4> {
         Chain::new(
             self.base(finger),
-            std::array::from_fn(|joint| ChainJoint {
-                placement: Pose {
-                    rotation: Matrix3::identity(),
-                    position: vector(self.offsets[joint]),
-                },
-                motion: ChainMotion::Revolute(vector(self.axes[joint])),
+            std::array::from_fn(|joint| {
+                ChainJoint::new(
+                    Pose {
+                        rotation: Matrix3::identity(),
+                        position: vector(self.offsets[joint]),
+                    },
+                    ChainMotion::Revolute(vector(self.axes[joint])),
+                )
             }),
             std::array::from_fn(|link| ChainBody {
                 mass: self.mass[link],

@@ -54,10 +54,12 @@ fn gripper() -> UtahMit {
     for finger in &mut hand.fingers {
         finger.form = condor_hand::config::Form::Chain {
             tip: [0.01, 0.002, 0.03],
+            on: None,
         };
         for (place, joint) in (0_u8..).zip(&mut finger.joints) {
             let axis = [0.6, 0.0, 0.8];
             joint.mount = Some(condor_hand::config::Mount {
+                on: None,
                 position: [0.03, 0.001 * f64::from(place), -0.004],
                 rotation: condor_hand::config::Rotation::Rpy([0.3, -0.2, 0.5]),
                 motion: match place {
