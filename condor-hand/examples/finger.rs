@@ -10,7 +10,7 @@
 use std::array::from_fn;
 
 use condor_hand::config::{Hand, Wire};
-use condor_hand::controller::{FingerController, read_finger, write_finger};
+use condor_hand::controller::{FingerController, FingerSensors, write_finger};
 use condor_hand::math::max;
 use condor_hand::plant::PlantModel;
 use condor_hand::servo::ServoMode;
@@ -57,17 +57,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut finger = PlantModel::default().finger(index, mechanism, tendons, start)?;
     let gravity = Vector3::from(hand.gravity);
     let period_s = 1.0 / f64::from(hand.servo_hz);
+    let sensors = FingerSensors::new(index)?;
     let mut commands = [0.0; 8]; // N
     let mut worst = 0.0_f64;
 
     for tick in 0..2 * hand.servo_hz {
-        let sensed = read_finger(index, |channel| {
+        let sensed = sensors.read(|channel| {
             let wire = hand.wire(channel)?;
             let input = hand.input(wire)?;
             Some(input.counts(match wire {
                 Wire::Position { joint, .. } => finger.q()[joint],
                 Wire::Actuator { actuator, .. } => finger.efforts()[actuator],
-                Wire::Touch { .. } | Wire::Axis { .. } => return None,
+                Wire::Encoder { .. } | Wire::Touch { .. } | Wire::Axis { .. } => return None,
             }))
         });
         // The servos hold their positions until the first set-points come.

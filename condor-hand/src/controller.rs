@@ -18,4 +18,4 @@ pub use axis::AxisServo;
 pub use finger::{FingerController, FingerTick};
 pub use table::{AXES, TableController, TableState, TableTick};
 pub use watch::GuardStop;
-pub use wiring::{read_finger, read_table, write_finger, write_table};
+pub use wiring::{FingerSensors, read_table, write_finger, write_table};

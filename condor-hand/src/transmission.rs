@@ -9,8 +9,10 @@
 
 mod linear;
 mod search;
+mod sensing;
 
 pub use linear::{Efforts, Linear};
+pub use sensing::PositionSensing;
 
 use nalgebra::SVector;
 

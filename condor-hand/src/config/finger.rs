@@ -93,8 +93,8 @@ pub struct Joint {
     /// The friction and the inertia of its drive.
     #[serde(default)]
     pub friction: JointFriction,
-    /// The sensor of its position.
-    pub adc: InputChannel,
+    /// The sensor of its position; `None` if sensors at its actuators tell it.
+    pub adc: Option<InputChannel>,
 }
 
 /// The configuration of a joint that follows another one, as a tendon or a linkage couples them. No servo, no sensor
@@ -294,6 +294,9 @@ pub struct Actuator<const JOINTS: usize> {
     pub pole_hz: f64,
     /// The sensor of its effort; `None` if its effort is not measured.
     pub adc: Option<InputChannel>,
+    /// The sensor of its position, rad or m: the sum of its arms times the positions of the joints, so 0 where all
+    /// joints are at 0. `None` if that is not measured.
+    pub encoder: Option<InputChannel>,
     /// The output of its command.
     pub dac: OutputChannel,
     /// The cutoff of the filter of the measured effort, Hz; `None` means no filter.

@@ -8,13 +8,12 @@ use super::{
     JointMotion, LinkBody, MotionLimits, Mount, Name, OutputChannel, Placement, ProcessorKind,
     Shape, Wire,
 };
-use crate::NumberError;
-use crate::Pose;
 use crate::kinematics::{self, Carrier, Chain, Following, PlanarFinger, Rod};
 use crate::math::{clamp, max, min};
 use crate::number::is_within;
 use crate::trajectory::{self, Primitive, Target};
-use crate::transmission::{EffortLimits, Linear};
+use crate::transmission::{EffortLimits, Linear, PositionSensing};
+use crate::{NumberError, Pose, Requirement, Subject};
 
 impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
     Hand<FINGERS, JOINTS, ACTUATORS>
@@ -81,15 +80,19 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
             let touch = entry.touch.iter();
             let touch = touch.map(move |touch| (touch.adc.channel(), Wire::Touch { finger }));
             let joints = entry.joints.iter().enumerate();
-            let joints = joints.map(move |(joint, entry)| {
+            let joints = joints.filter_map(move |(joint, entry)| {
                 let wire = Wire::Position { finger, joint };
-                (entry.adc.channel(), wire)
+                Some((entry.adc.as_ref()?.channel(), wire))
             });
             let actuators = entry.actuators.iter().enumerate();
             let actuators = actuators.flat_map(move |(actuator, entry)| {
                 let wire = Wire::Actuator { finger, actuator };
                 let sensor = entry.adc.iter().map(move |adc| (adc.channel(), wire));
-                sensor.chain([(entry.dac.channel(), wire)])
+                let encoder = entry.encoder.iter().map(move |encoder| {
+                    let wire = Wire::Encoder { finger, actuator };
+                    (encoder.channel(), wire)
+                });
+                sensor.chain(encoder).chain([(entry.dac.channel(), wire)])
             });
             joints.chain(actuators).chain(touch)
         });
@@ -131,10 +134,13 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
 
     fn converters(&self, wire: Wire) -> Option<(Option<&InputChannel>, Option<&OutputChannel>)> {
         Some(match wire {
-            Wire::Position { finger, joint } => (Some(&self.joint(finger, joint)?.adc), None),
+            Wire::Position { finger, joint } => (self.joint(finger, joint)?.adc.as_ref(), None),
             Wire::Actuator { finger, actuator } => {
                 let actuator = self.actuator(finger, actuator)?;
                 (actuator.adc.as_ref(), Some(&actuator.dac))
+            }
+            Wire::Encoder { finger, actuator } => {
+                (self.actuator(finger, actuator)?.encoder.as_ref(), None)
             }
             Wire::Touch { finger } => (Some(&self.fingers.get(finger)?.touch.as_ref()?.adc), None),
             Wire::Axis { axis } => {
@@ -229,6 +235,31 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
             *limits = actuator.limits();
         }
         Linear::new(arms, limits)
+    }
+
+    /// Returns how the positions of the joints follow from those that its sensors measure. Joints that the finger does
+    /// not have are at 0.
+    ///
+    /// # Errors
+    /// [`NumberError`] for arms or sensors that [`Hand::check`] would have refused.
+    pub fn position_sensing(&self) -> Result<PositionSensing<JOINTS, ACTUATORS>, NumberError> {
+        let joint = |place: usize| {
+            self.joints
+                .get(place)
+                .is_some_and(|joint| joint.adc.is_some())
+        };
+        let actuator = |place: usize| {
+            let actuator = self.actuators.get(place);
+            actuator.is_some_and(|actuator| actuator.encoder.is_some())
+        };
+        let (joints, actuators) = (core::array::from_fn(joint), core::array::from_fn(actuator));
+        let sensing = self.transmission()?.position_sensing(&joints, &actuators);
+        sensing.map_err(|joint| NumberError {
+            at: Subject::Joint(joint as u16),
+            what: "the number of sensors that tell its position",
+            value: 0.0,
+            must: Requirement::AtLeast(1.0),
+        })
     }
 
     /// Returns the joint to which an actuator [belongs](Linear::joint_of); `None` if the finger does not have the

@@ -89,6 +89,13 @@ pub enum Wire {
         /// The index of the actuator in its finger.
         actuator: usize,
     },
+    /// The position of an actuator.
+    Encoder {
+        /// The index of the finger in the hand.
+        finger: usize,
+        /// The index of the actuator in its finger.
+        actuator: usize,
+    },
     /// The tactile sensor of a fingertip.
     Touch {
         /// The index of the finger in the hand.

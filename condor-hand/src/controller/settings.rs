@@ -1,3 +1,5 @@
+use nalgebra::SVector;
+
 use crate::config::{
     Actuator, ActuatorNumber, ActuatorNumbers, FaultPolicy, Finger, InputChannel, Joint,
     JointNumber, JointNumbers, ServoLaw,
@@ -30,11 +32,12 @@ impl<const N: usize, const A: usize> Finger<N, A> {
     /// Joints and actuators that the finger does not have do nothing.
     #[must_use]
     pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<N, A> {
+        let resolutions = self.resolutions();
         FingerSettings {
-            joints: core::array::from_fn(|joint| {
-                self.joints
-                    .get(joint)
-                    .map_or(absent(sample_hz), Joint::settings)
+            joints: core::array::from_fn(|place| {
+                let resolution = resolutions.get(place).copied().unwrap_or(0.0);
+                let joint = self.joints.get(place);
+                joint.map_or(absent(sample_hz), |joint| joint.settings(resolution))
             }),
             actuators: core::array::from_fn(|place| {
                 let actuator = self.actuators.get(place);
@@ -64,8 +67,24 @@ impl<const N: usize, const A: usize> Finger<N, A> {
                 ..ActuatorFaultLimits::default()
             }
         };
-        let joint = |joint: &Joint| JointFaultLimits {
-            sensor: sensor(&joint.adc, 0.0),
+        let resolutions = self.resolutions();
+        let joint = |place: usize, joint: &Joint| JointFaultLimits {
+            sensor: match &joint.adc {
+                Some(adc) => sensor(adc, 0.0),
+                None => SensorFaultLimits {
+                    range: FaultRange {
+                        low: -f64::MAX,
+                        high: f64::MAX,
+                        samples: 0,
+                    },
+                    stuck: Stuck {
+                        band: NOISE_COUNTS * resolutions.get(place).copied().unwrap_or(0.0),
+                        travel: 0.0,
+                        samples: 0,
+                    },
+                    ..SensorFaultLimits::default()
+                },
+            },
             ..JointFaultLimits::default()
         };
         let mut limits = FaultLimits {
@@ -75,7 +94,8 @@ impl<const N: usize, const A: usize> Finger<N, A> {
                     .unwrap_or_default()
             }),
             joints: core::array::from_fn(|place| {
-                self.joints.get(place).map(joint).unwrap_or_default()
+                let of_joint = self.joints.get(place).map(|it| joint(place, it));
+                of_joint.unwrap_or_default()
             }),
             period_s: Threshold {
                 value: 1.5 / sample_hz,
@@ -89,6 +109,20 @@ impl<const N: usize, const A: usize> Finger<N, A> {
         let (joints, actuators) = (self.numbers(), self.actuator_numbers());
         judge(&mut limits, policy, &joints, &actuators);
         limits
+    }
+
+    /// Returns what the sensors tell apart of the positions of the joints, rad, or m for a sliding joint.
+    fn resolutions(&self) -> SVector<f64, N> {
+        let gain = |input: Option<InputChannel>| input.map_or(0.0, |input| abs(input.gain));
+        let joints = self.each(|joint| gain(joint.adc));
+        if self.joints.iter().all(|joint| joint.adc.is_some()) {
+            return joints;
+        }
+        let actuator = |place: usize| gain(self.actuators.get(place).and_then(|it| it.encoder));
+        let sensing = self.position_sensing();
+        sensing.map_or(joints, |sensing| {
+            sensing.resolutions(&joints.into(), &core::array::from_fn(actuator))
+        })
     }
 
     /// Returns the numbers of the joints that can change while they run; `None` for joints that do not exist.
@@ -187,8 +221,8 @@ fn sensor(input: &InputChannel, travel: f64) -> SensorFaultLimits {
 }
 
 impl Joint {
-    /// The settings of the joint's servo.
-    fn settings(&self) -> JointSettings {
+    /// The settings of the joint's servo, of which sensors tell so much apart, rad, or m for a sliding joint.
+    fn settings(&self, resolution: f64) -> JointSettings {
         let joint = self;
         let servo = &joint.servo;
         // The distance from its set-point at which friction can hold a joint that has nothing but its drive.
@@ -222,8 +256,8 @@ impl Joint {
                 damping_ratio: joint.stop.damping_ratio,
             },
             rate_change: PLAUSIBLE_RATE * joint.limits.velocity,
-            resolution_rad: abs(joint.adc.gain),
-            frozen_rad: FROZEN_COUNTS * abs(joint.adc.gain) + 2.0 * held_rad,
+            resolution_rad: resolution,
+            frozen_rad: FROZEN_COUNTS * resolution + 2.0 * held_rad,
             position_cutoff_hz: servo.position_cutoff_hz,
             velocity_cutoff_hz: servo.velocity_cutoff_hz,
         }

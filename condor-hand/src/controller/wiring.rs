@@ -1,35 +1,74 @@
 use nalgebra::SVector;
 
 use super::AXES;
+use crate::NumberError;
 use crate::config::{Channel, Finger, InputChannel, TableSettings};
 use crate::servo::FingerReadings;
+use crate::transmission::PositionSensing;
 
-/// Reads all sensors of a finger through their converters. Returns positions in radians,
-/// efforts in newtons or newton metres, and the force at the fingertip in newtons.
-///
-/// `read` must return the counts of a channel, or `None` if the channel cannot be read. The value
-/// is then NaN. A position or an effort that stays NaN becomes a fault of the finger.
-pub fn read_finger<const N: usize, const A: usize>(
-    finger: &Finger<N, A>,
-    mut read: impl FnMut(Channel) -> Option<u32>,
-) -> FingerReadings<N, A> {
-    let mut sensed = FingerReadings::<N, A> {
-        position: SVector::zeros(),
-        effort: [0.0; A],
-        touch: 0.0,
-    };
-    for (joint, position) in finger.joints.iter().zip(sensed.position.iter_mut()) {
-        *position = value(&joint.adc, &mut read);
+/// The sensors of a finger, with the converters through which they are read.
+#[derive(Clone, Copy, Debug)]
+pub struct FingerSensors<const N: usize, const A: usize> {
+    joints: [Option<InputChannel>; N],
+    efforts: [Option<InputChannel>; A],
+    encoders: [Option<InputChannel>; A],
+    touch: Option<InputChannel>,
+    /// `None` if each joint has a sensor of its own.
+    sensing: Option<PositionSensing<N, A>>,
+}
+
+impl<const N: usize, const A: usize> FingerSensors<N, A> {
+    /// Takes the sensors from the description of a finger.
+    ///
+    /// # Errors
+    /// [`NumberError`] for arms or sensors that [`Hand::check`](crate::config::Hand::check) would have refused.
+    pub fn new(finger: &Finger<N, A>) -> Result<Self, NumberError> {
+        let joint = |place: usize| finger.joints.get(place)?.adc;
+        let are_all_sensed = finger.joints.iter().all(|joint| joint.adc.is_some());
+        Ok(Self {
+            joints: core::array::from_fn(joint),
+            efforts: core::array::from_fn(|place| finger.actuators.get(place)?.adc),
+            encoders: core::array::from_fn(|place| finger.actuators.get(place)?.encoder),
+            touch: finger.touch.map(|touch| touch.adc),
+            sensing: if are_all_sensed {
+                None
+            } else {
+                Some(finger.position_sensing()?)
+            },
+        })
     }
-    for (actuator, effort) in finger.actuators.iter().zip(&mut sensed.effort) {
-        if let Some(adc) = &actuator.adc {
-            *effort = value(adc, &mut read);
+
+    /// Reads all sensors. Returns positions of joints in rad, or m for a sliding joint, efforts in N or N m, and the
+    /// force at the fingertip in N.
+    ///
+    /// `read` must return the counts of a channel, or `None` if the channel cannot be read. What depends on it is NaN
+    /// then. A position or an effort that stays NaN becomes a fault of the finger.
+    pub fn read(&self, mut read: impl FnMut(Channel) -> Option<u32>) -> FingerReadings<N, A> {
+        let mut value = |input: &Option<InputChannel>| {
+            let input = input.as_ref();
+            input.map_or(0.0, |input| value(input, &mut read))
+        };
+        let mut sensed = FingerReadings::<N, A> {
+            position: SVector::zeros(),
+            effort: [0.0; A],
+            touch: 0.0,
+        };
+        for (input, position) in self.joints.iter().zip(sensed.position.iter_mut()) {
+            *position = value(input);
         }
+        for (input, effort) in self.efforts.iter().zip(&mut sensed.effort) {
+            *effort = value(input);
+        }
+        sensed.touch = value(&self.touch);
+        if let Some(sensing) = &self.sensing {
+            let mut actuators = [0.0; A];
+            for (input, position) in self.encoders.iter().zip(&mut actuators) {
+                *position = value(input);
+            }
+            sensed.position = sensing.positions(&sensed.position, &actuators);
+        }
+        sensed
     }
-    if let Some(touch) = &finger.touch {
-        sensed.touch = value(&touch.adc, &mut read);
-    }
-    sensed
 }
 
 /// Converts `command` (N, or N m), the commands for the actuators of a finger, into counts, and calls

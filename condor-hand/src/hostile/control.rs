@@ -1,7 +1,7 @@
 //! A finger of the shipped hand with changed numbers, any calls of its controller, and any readings of its
 //! sensors.
 
-use crate::config::{Actuator, EffortFaults, Joint, ServoLaw};
+use crate::config::{Actuator, EffortFaults, InputChannel, Joint, ServoLaw};
 use crate::controller::{FingerController, FingerTick};
 use crate::dynamics::Dynamics;
 use crate::fault::FingerFault;
@@ -96,7 +96,10 @@ fn vary_joint(joint: &mut Joint, kind: usize, source: &mut Source<'_>) {
         24 => &mut joint.friction.coulomb,
         25 => &mut joint.friction.coulomb_rate,
         26 => &mut joint.friction.armature,
-        27 => &mut joint.adc.gain,
+        27 => match &mut joint.adc {
+            Some(adc) => &mut adc.gain,
+            None => return,
+        },
         28 => {
             joint.servo.law = ServoLaw::Pd;
             return;
@@ -110,7 +113,7 @@ fn vary_joint(joint: &mut Joint, kind: usize, source: &mut Source<'_>) {
 }
 
 fn vary_actuator(actuator: &mut Actuator<4>, source: &mut Source<'_>) {
-    let place = match source.below(12) {
+    let place = match source.below(13) {
         0 => &mut actuator.limits.low,
         1 => &mut actuator.limits.high,
         2 => actuator.limits.bias.insert(20.0),
@@ -129,7 +132,17 @@ fn vary_actuator(actuator: &mut Actuator<4>, source: &mut Source<'_>) {
             (actuator.gains, actuator.cutoff_hz) = (EffortGains::default(), None);
             return;
         }
-        _ => actuator.cutoff_hz.insert(80.0),
+        11 => actuator.cutoff_hz.insert(80.0),
+        _ => {
+            let encoder = InputChannel {
+                board: 7,
+                channel: source.byte(),
+                bits: 16,
+                gain: 1e-4,
+                offset: -3.2768,
+            };
+            &mut actuator.encoder.insert(encoder).gain
+        }
     };
     *place = source.number(*place);
 }

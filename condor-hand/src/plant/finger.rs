@@ -104,6 +104,12 @@ where
         Ok(())
     }
 
+    /// Returns the positions of the actuators, rad or m, by their arms at the present posture.
+    #[must_use]
+    pub fn actuator_positions(&self) -> [f64; A] {
+        self.linear().actuators(&self.q)
+    }
+
     /// Simulates `dt` seconds in `updates` equal updates. `commands` (N, or N m) are the constant
     /// commands of the actuators; a NaN counts as zero. `gravity` is in the axes of the palm, m/s², as in
     /// [`Dynamics`].

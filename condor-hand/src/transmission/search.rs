@@ -145,6 +145,20 @@ impl<const N: usize> Rows<N> {
             inverse,
         })
     }
+
+    /// Returns the matrix that gives the positions of joints by those of actuators with these scaled arms, by least
+    /// squares: for each joint, its part of each actuator.
+    pub(super) fn positions<const A: usize>(&self, scaled: &[[f64; N]; A]) -> [[f64; A]; N] {
+        let mut parts = [[0.0; A]; N];
+        let joints = self.inverse.iter().zip(&self.per_length);
+        for (parts, (row, per_length)) in parts.iter_mut().zip(joints) {
+            for (part, column) in parts.iter_mut().zip(scaled) {
+                let sum = row.iter().zip(column).fold(0.0, |sum, (a, b)| sum + a * b);
+                *part = per_length * sum;
+            }
+        }
+        parts
+    }
 }
 
 impl<'a, const N: usize, const A: usize> Arms<'a, N, A> {

@@ -250,7 +250,7 @@ proptest! {
                 let channel = Channel {
                     converter: Converter::Adc,
                     board: board.max(3),
-                    channel: u8::try_from(order[usize::from(entry.adc.channel)]).unwrap(),
+                    channel: u8::try_from(order[usize::from(entry.adc.unwrap().channel)]).unwrap(),
                 };
                 prop_assert_eq!(hand.wire(channel), Some(Wire::Position { finger, joint }));
             }

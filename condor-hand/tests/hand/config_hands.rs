@@ -194,7 +194,7 @@ fn a_hand_of_another_kind_is_described_too() {
     assert_eq!((limits.low, limits.high, limits.bias), (1.0, 30.0, 5.0));
     let limits = finger.actuators[2].limits();
     assert_eq!((limits.low, limits.high, limits.bias), (1.0, 40.0, 1.0));
-    let nail = &finger.joints[2].adc;
+    let nail = finger.joints[2].adc.unwrap();
     assert_eq!((nail.channel, nail.bits, nail.gain), (15, 16, 1e-6));
     let servo = hand
         .processors

@@ -10,6 +10,7 @@ use condor_hand::config::{BASE, Follower, Form, Hand, JointMotion, Mount, Name};
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::Kinematics;
+use condor_hand::math::sin_cos;
 use condor_hand::plant::PlantModel;
 use condor_hand::servo::{JointTarget, ServoMode};
 use condor_hand::trajectory::SetPoint;
@@ -28,8 +29,10 @@ fn the_tip_is_where_the_follower_takes_it() {
     let chain = hand.fingers[0].chain();
     let middle = 0.5_f64;
     let distal = middle + 0.9 * middle + 0.1;
-    let along = 0.0095 + 0.0432 + 0.033 * middle.cos() + 0.0241 * distal.cos();
-    let down = 0.033 * middle.sin() + 0.0241 * distal.sin();
+    let (middle_sin, middle_cos) = sin_cos(middle);
+    let (distal_sin, distal_cos) = sin_cos(distal);
+    let along = 0.0095 + 0.0432 + 0.033 * middle_cos + 0.0241 * distal_cos;
+    let down = 0.033 * middle_sin + 0.0241 * distal_sin;
     let tip = chain.tip(&[0.0, 0.0, middle, 7.0].into()).position;
     assert!(
         (tip - Vector3::new(along, 0.0, -down)).norm() < 1e-15,

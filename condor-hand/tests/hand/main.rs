@@ -25,6 +25,7 @@ mod control;
 mod controller;
 mod controller_guards;
 mod effort_servo;
+mod encoders;
 mod faults;
 mod followers;
 mod grasp;

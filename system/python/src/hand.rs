@@ -202,6 +202,10 @@ fn end_of(
             let own = hand.actuator(finger, actuator)?;
             (of(finger, &own.name)?, "actuator", own.limits().at_rest())
         }
+        Wire::Encoder { finger, actuator } => {
+            let name = of(finger, &hand.actuator(finger, actuator)?.name)?;
+            (name, "encoder", 0.0)
+        }
         Wire::Touch { finger } => (hand.fingers.get(finger)?.name.to_string(), "touch", 0.0),
         Wire::Axis { axis } => {
             let axis = hand.table.as_ref()?.axes.get(axis)?;

@@ -196,9 +196,10 @@ pub enum BoardError {
 #[must_use]
 pub fn processor(robot: &RobotDescription, wire: Wire) -> Option<u8> {
     match wire {
-        Wire::Position { finger, .. } | Wire::Actuator { finger, .. } | Wire::Touch { finger } => {
-            robot.fingers.get(finger)?.processor()
-        }
+        Wire::Position { finger, .. }
+        | Wire::Actuator { finger, .. }
+        | Wire::Encoder { finger, .. }
+        | Wire::Touch { finger } => robot.fingers.get(finger)?.processor(),
         Wire::Axis { axis } => {
             let axes = &robot.table.as_ref()?.axes;
             axes.get(axis).map(|axis| axis.processor)
@@ -210,7 +211,9 @@ pub fn processor(robot: &RobotDescription, wire: Wire) -> Option<u8> {
 pub(crate) fn at_rest(robot: &RobotDescription, wire: Wire) -> f64 {
     let actuator = match wire {
         Wire::Actuator { finger, actuator } => robot.actuator(finger, actuator),
-        Wire::Position { .. } | Wire::Touch { .. } | Wire::Axis { .. } => None,
+        Wire::Position { .. } | Wire::Encoder { .. } | Wire::Touch { .. } | Wire::Axis { .. } => {
+            None
+        }
     };
     actuator.map_or(0.0, |actuator| actuator.limits().at_rest())
 }

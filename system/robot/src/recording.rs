@@ -52,10 +52,10 @@ pub(crate) use record::{Recorder, Ring, TapeState};
 pub(crate) use rows::{Row, Rows};
 pub(crate) use tape::Tape;
 
-/// Inputs of a finger: positions of joints, efforts of actuators, and the force at the tip.
-pub(crate) const INPUTS_OF_FINGER: usize = JOINTS + ACTUATORS + 1;
+/// Inputs of a finger: positions of joints, efforts of actuators, the force at the tip, and positions of actuators.
+pub(crate) const INPUTS_OF_FINGER: usize = JOINTS + 2 * ACTUATORS + 1;
 /// The number of inputs of a servo processor in a recording: for each finger the positions of the joints, the efforts of
-/// the actuators, and the force at the tip.
+/// the actuators, the force at the tip, and the positions of the actuators, as far as sensors measure them.
 pub const INPUTS: usize = INPUTS_OF_FINGER * FINGERS;
 /// The number of outputs of a servo processor in a recording: the commands of the actuators of each finger.
 pub const OUTPUTS: usize = ACTUATORS * FINGERS;
@@ -65,7 +65,7 @@ pub const OUTPUTS: usize = ACTUATORS * FINGERS;
 #[repr(C)]
 pub(crate) struct Inputs {
     counts: [u16; INPUTS],
-    missing: u64,
+    missing: [u64; INPUTS.div_ceil(64)],
 }
 
 impl Inputs {
@@ -73,13 +73,16 @@ impl Inputs {
     pub(crate) fn set(&mut self, number: usize, counts: Option<u32>) {
         if let Some(place) = self.counts.get_mut(number) {
             *place = counts.unwrap_or(0) as u16;
-            self.missing |= u64::from(counts.is_none()) << number;
+        }
+        if let Some(missing) = self.missing.get_mut(number / 64) {
+            *missing |= u64::from(counts.is_none()) << (number % 64);
         }
     }
 
     pub(crate) fn get(&self, number: usize) -> Option<u32> {
         let counts = self.counts.get(number)?;
-        (self.missing >> number & 1 == 0).then_some((*counts).into())
+        let missing = self.missing.get(number / 64)?;
+        (missing >> (number % 64) & 1 == 0).then_some((*counts).into())
     }
 }
 

@@ -88,7 +88,7 @@ impl<'r, M: Machine> Replaying<'r, M> {
                 configured_hz,
             })));
         }
-        let mut control = Control::new(self.hand, served(self.hand, number));
+        let mut control = Control::new(self.hand, served(self.hand, number))?;
         let mut servos = ReplayedControllers {
             controllers: controllers(self.hand, number)?,
             row: None,

@@ -121,7 +121,7 @@ fn serve<M: Machine>(
 ) -> Result<(), ProgramError> {
     let number = machine.number().0;
     let controllers = controllers(hand, number)?;
-    let control = Control::new(hand, served(hand, number));
+    let control = Control::new(hand, served(hand, number))?;
     let entries = fingers_on(hand, number);
     let rate_hz = rate_hz(hand, number);
     let period_s = 1.0 / f64::from(rate_hz);

@@ -1,6 +1,6 @@
 //! [`Finger`]: where the links of a finger are.
 
-use condor_hand::config::{self, Shape};
+use condor_hand::config::{self, LinkBody, Shape};
 use condor_hand::kinematics::{ChainBody, ChainMotion};
 use condor_hand::{Pose, rotation_about};
 use nalgebra::{Matrix3, Vector3};
@@ -98,7 +98,7 @@ impl Finger {
                     Shape::Cuboid(edges) => Some(edges),
                     Shape::Inertia { .. } => None,
                 }),
-                body: link.body.map(|body| body.rigid_body()),
+                body: link.body.map(LinkBody::rigid_body),
             })
         });
         let links: Vec<_> = links.collect();
@@ -145,12 +145,12 @@ impl Finger {
     pub(crate) fn positions(&self, positions: &[f64]) -> impl Iterator<Item = f64> {
         let of = |joint: usize| positions.get(joint).copied().unwrap_or(0.0);
         let mut next = 0;
-        self.links.iter().map(move |link| match &link.follows {
-            Some(follows) => follows.ratio * of(follows.joint) + follows.offset,
-            None => {
-                next += 1;
-                of(next - 1)
+        self.links.iter().map(move |link| {
+            if let Some(follows) = &link.follows {
+                return follows.ratio * of(follows.joint) + follows.offset;
             }
+            next += 1;
+            of(next - 1)
         })
     }
 

@@ -300,11 +300,16 @@ impl At {
     }
 
     /// The converter of a sensor must have counts for the values between two.
-    pub(super) fn input(&self, adc: &InputChannel, seen: [f64; 2]) -> Result<(), Mistake> {
+    pub(super) fn input(
+        &self,
+        key: &str,
+        adc: &InputChannel,
+        seen: [f64; 2],
+    ) -> Result<(), Mistake> {
         let ends = [adc.value(0), adc.value(adc.full_scale())];
         let counts = seen.map(|value| adc.exact_counts(value));
         let numbers = (adc.bits, adc.gain, adc.offset, adc.full_scale());
-        self.table("adc").converter(numbers, (seen, counts), ends)
+        self.table(key).converter(numbers, (seen, counts), ends)
     }
 
     /// The converter of an actuator must have counts for the values between two.

@@ -8,7 +8,7 @@ use crate::config::{
     ProcessorKind, Rotation, ServoLaw, Shape,
 };
 use crate::kinematics::body_inertia;
-use crate::math::{abs, is_finite, max};
+use crate::math::{abs, is_finite, max, min};
 use crate::number::count;
 use crate::{NumberError, Requirement, Subject};
 
@@ -26,7 +26,7 @@ impl<const F: usize, const J: usize, const A: usize> Hand<F, J, A> {
         if let Some(touch) = &finger.touch {
             let at = at.table("touch");
             at.number("contact_n", touch.contact_n, POSITIVE)?;
-            at.input(&touch.adc, [0.0, touch.contact_n])?;
+            at.input("adc", &touch.adc, [0.0, touch.contact_n])?;
         }
         at.not_empty("joints", finger.joints.is_empty())?;
         finger.check_followers(&at)?;
@@ -52,12 +52,16 @@ impl<const F: usize, const J: usize, const A: usize> Hand<F, J, A> {
             at.name(&actuator.name, earlier.map(|actuator| &actuator.name))?;
             actuator.check(&at, rate_hz)?;
             actuator.check_arms(&at, finger)?;
+            if let Some(encoder) = &actuator.encoder {
+                at.input("encoder", encoder, finger.travel(actuator))?;
+            }
         }
         // With the actuators, which are right.
         for (place, joint) in finger.joints.iter().enumerate() {
             finger.check_stop(joint, &at.joint(place, &joint.name), rate_hz)?;
         }
-        finger.check_torques(&at)
+        finger.check_torques(&at)?;
+        finger.check_sensing(&at)
     }
 }
 
@@ -211,6 +215,36 @@ impl<const J: usize, const A: usize> Finger<J, A> {
         Ok(())
     }
 
+    /// The positions of an actuator while the joints are within their limits, rad or m.
+    fn travel(&self, actuator: &Actuator<J>) -> [f64; 2] {
+        self.joints
+            .iter()
+            .fold([0.0; 2], |[least, greatest], joint| {
+                let arm = self.arm(actuator, joint);
+                let ends = [arm * joint.limits.low, arm * joint.limits.high];
+                [
+                    least + min(ends[0], ends[1]),
+                    greatest + max(ends[0], ends[1]),
+                ]
+            })
+    }
+
+    /// Checks that sensors tell the position of each joint.
+    fn check_sensing(&self, at: &At) -> Result<(), Mistake> {
+        let Err(NumberError {
+            at: Subject::Joint(joint),
+            ..
+        }) = self.position_sensing()
+        else {
+            return Ok(());
+        };
+        let place = usize::from(joint);
+        let name = self.joints.get(place).map(|joint| joint.name.clone());
+        let at = at.joint(place, &name.unwrap_or_default());
+        let rule = "give it an `adc`, or give actuators that move it an `encoder`";
+        Err(at.words("", "measured by no sensor", rule))
+    }
+
     /// Checks that each joint can have torques of its own, and none.
     fn check_torques(&self, at: &At) -> Result<(), Mistake> {
         let at_joint = |joint: usize| {
@@ -361,7 +395,10 @@ impl Joint {
         at.cutoff("servo.position_cutoff_hz", cutoff_hz, rate_hz)?;
         let cutoff_hz = Some(servo.velocity_cutoff_hz);
         at.cutoff("servo.velocity_cutoff_hz", cutoff_hz, rate_hz)?;
-        at.input(&self.adc, [self.limits.low, self.limits.high])
+        match &self.adc {
+            Some(adc) => at.input("adc", adc, [self.limits.low, self.limits.high]),
+            None => Ok(()),
+        }
     }
 }
 
@@ -417,7 +454,7 @@ impl<const J: usize> Actuator<J> {
             }
         }
         match &self.adc {
-            Some(adc) => at.input(adc, [least, greatest])?,
+            Some(adc) => at.input("adc", adc, [least, greatest])?,
             None if faults.below.or(faults.above).is_some() => {
                 let rule = "the actuator has no sensor of its effort (`adc`), so leave them out";
                 return Err(at.words("faults", "needless", rule));

@@ -85,13 +85,14 @@ impl<const F: usize, const J: usize, const A: usize> Hand<F, J, A> {
         for (index, (channel, second)) in self.wires().enumerate() {
             let mut earlier = self.wires().take(index);
             if let Some((_, first)) = earlier.find(|(other, _)| *other == channel) {
-                let field = match channel.converter {
-                    Converter::Adc => "adc.channel",
-                    Converter::Dac => "dac.channel",
+                let field = |wire: Wire| match (wire, channel.converter) {
+                    (Wire::Encoder { .. }, _) => "encoder.channel",
+                    (_, Converter::Adc) => "adc.channel",
+                    (_, Converter::Dac) => "dac.channel",
                 };
-                let allowed = Allowed::OtherThan(self.end(first).path(field));
+                let allowed = Allowed::OtherThan(self.end(first).path(field(first)));
                 let value = MistakeValue::Channel(channel);
-                return Err(self.end(second).wrong(field, value, allowed));
+                return Err(self.end(second).wrong(field(second), value, allowed));
             }
         }
         Ok(())
@@ -109,7 +110,7 @@ impl<const F: usize, const J: usize, const A: usize> Hand<F, J, A> {
         };
         match wire {
             Wire::Position { finger, joint } => of_joint(finger, joint),
-            Wire::Actuator { finger, actuator } => {
+            Wire::Actuator { finger, actuator } | Wire::Encoder { finger, actuator } => {
                 let entry = self.actuator(finger, actuator);
                 let name = entry.map(|actuator| actuator.name.clone());
                 of_finger(finger).actuator(actuator, &name.unwrap_or_default())
@@ -186,7 +187,7 @@ impl Axis {
         at.numbers(self.rules())?;
         let cutoff_hz = Some(self.servo.velocity_cutoff_hz);
         at.cutoff("servo.velocity_cutoff_hz", cutoff_hz, rate_hz)?;
-        at.input(&self.adc, [low, high])?;
+        at.input("adc", &self.adc, [low, high])?;
         at.output(&self.dac, [-self.max_n, self.max_n])
     }
 }

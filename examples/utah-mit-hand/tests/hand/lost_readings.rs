@@ -95,7 +95,7 @@ impl<'h> Finger<'h> {
             touch: 0.0,
         };
         for (joint, entry) in self.entry.joints.iter().enumerate() {
-            sensed.position[joint] = counted(&entry.adc, is[joint]);
+            sensed.position[joint] = counted(entry.adc.as_ref().unwrap(), is[joint]);
         }
         for (actuator, entry) in self.entry.actuators.iter().enumerate() {
             sensed.effort[actuator] = counted(entry.adc.as_ref().unwrap(), efforts[actuator]);

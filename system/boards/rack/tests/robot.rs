@@ -47,12 +47,12 @@ fn two_processors_that_write_one_board_are_named() {
     assert!(matches!(refused, BoardError::Shared { board: 0 | 1, .. }));
     let text = refused.to_string();
     assert!(text.contains("processors 1 and 2"), "{text}");
-    hand.fingers[0].joints[0].adc.channel = 40;
+    hand.fingers[0].joints[0].adc.as_mut().unwrap().channel = 40;
     assert!(matches!(
         Rack::check(&hand),
         Err(BoardError::NoChannel { .. })
     ));
-    hand.fingers[0].joints[0].adc.channel = 0;
+    hand.fingers[0].joints[0].adc.as_mut().unwrap().channel = 0;
     hand.fingers[0].actuators[0].dac.bits = 16;
     assert!(matches!(
         Rack::check(&hand),

@@ -67,6 +67,8 @@ pub type PlantResponse = Result<(), PlantRefusal>;
 pub enum PlantSensor {
     /// The sensor of the position of the joint of this number.
     Position(u32),
+    /// The sensor of the position of the actuator of this number.
+    Encoder(u32),
     /// The sensor of the effort of the actuator of this number.
     Effort(u32),
 }

@@ -30,7 +30,7 @@ pub(super) const WORKSPACE_M: f64 = 1.0;
 /// The distance beyond its limits at which a joint counts as lost, rad: its stops yield by less.
 const BEYOND_RAD: f64 = 0.3;
 /// Sensors of the hand and its table, at most.
-const INPUTS: usize = (JOINTS + ACTUATORS + 1) * FINGERS + AXES;
+const INPUTS: usize = (JOINTS + 2 * ACTUATORS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
 /// Boards of outputs, or of inputs, at most, and the outputs of one.
 const BOARDS: usize = 16;
@@ -223,7 +223,7 @@ impl Robot {
                             *command = output;
                         }
                     }
-                    Wire::Position { .. } | Wire::Touch { .. } => {}
+                    Wire::Position { .. } | Wire::Encoder { .. } | Wire::Touch { .. } => {}
                 }
             }
         }
@@ -298,6 +298,10 @@ impl Robot {
             Wire::Actuator { finger, actuator } => {
                 let finger = fingers.get(finger);
                 finger.and_then(|finger| finger.efforts().get(actuator).copied())
+            }
+            Wire::Encoder { finger, actuator } => {
+                let finger = fingers.get(finger);
+                finger.and_then(|finger| finger.actuator_positions().get(actuator).copied())
             }
             Wire::Touch { finger } => {
                 let contacts = self.hand.object_contacts();
@@ -398,7 +402,7 @@ impl Robot {
         if !is_possible(&wrench) {
             return Err(PlantRefusal::Number);
         }
-        if !self.has(|wire| matches!(wire, Wire::Position { finger: of, .. } if of == finger)) {
+        if !self.has(|wire| matches!(wire, Wire::Actuator { finger: of, .. } if of == finger)) {
             return Err(PlantRefusal::NoSuchPart);
         }
         let pushed = self.hand.push_tip(finger, wrench);
@@ -447,6 +451,10 @@ impl Robot {
             PlantSensor::Position(joint) => Wire::Position {
                 finger,
                 joint: joint as usize,
+            },
+            PlantSensor::Encoder(actuator) => Wire::Encoder {
+                finger,
+                actuator: actuator as usize,
             },
             PlantSensor::Effort(actuator) => Wire::Actuator {
                 finger,

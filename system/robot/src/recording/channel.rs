@@ -24,8 +24,8 @@ pub(super) const ALL: [(&str, &str, &str); 7] = [
         "/servo/tick",
         "condor/msg/Tick",
         "float64 period_s # since the last tick, s\n\
-         uint16[52] counts # of each finger: positions, efforts, force at the tip\n\
-         uint64 missing # a bit for each input that could not be read\n",
+         uint16[84] counts # of each finger: positions of joints, efforts, force at the tip, positions of actuators\n\
+         uint64[2] missing # a bit for each input that could not be read\n",
     ),
     (
         "/servo/palm",
@@ -73,7 +73,7 @@ pub(super) const ALL: [(&str, &str, &str); 7] = [
     ("/servo/end", "condor/msg/End", "uint32 ticks\n"),
 ];
 
-const_assert_eq!(INPUTS, 52);
+const_assert_eq!(INPUTS, 84);
 const_assert_eq!(OUTPUTS, 32);
 const_assert_eq!(FINGERS * JOINTS, 16);
 const_assert_eq!(size_of::<GraspOrder>(), 816);

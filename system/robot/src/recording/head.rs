@@ -10,7 +10,7 @@ use crate::{ACTUATORS, FINGERS, JOINTS};
 
 /// The name of the metadata.
 pub(super) const METADATA: &str = "condor-servo";
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 const NAMES: [&str; 6] = [
     "version",

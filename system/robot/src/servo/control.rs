@@ -1,12 +1,13 @@
 //! [`Control`]: what the servos of a processor compute, of what is measured now or was once.
 
 use condor_hand::config::{Channel, Finger};
-use condor_hand::controller::{FingerController, FingerTick, read_finger, write_finger};
+use condor_hand::controller::{FingerController, FingerSensors, FingerTick, write_finger};
 use condor_hand::grasp::distributed::{DistributedGrasp, FingerControllers, HandJoints};
 use condor_hand::servo::FingerReadings;
 use nalgebra::Vector3;
 use zerocopy::FromZeros as _;
 
+use crate::failure::Failure;
 use crate::recording::{INPUTS_OF_FINGER, Inputs, ServoOutputs, TickInputs};
 use crate::{ACTUATORS, Actuators, FINGERS, JOINTS, Mechanism, RobotDescription, joints};
 
@@ -36,6 +37,7 @@ pub(crate) trait Servos: FingerControllers<JOINTS> {
 pub(crate) struct Control<'r> {
     hand: &'r RobotDescription,
     served: [bool; FINGERS],
+    sensors: OfFingers<FingerSensors<JOINTS, ACTUATORS>>,
     grasp: DistributedGrasp<Mechanism, FINGERS, JOINTS>,
     /// The rates of the last tick, rad/s.
     velocity: [[f64; JOINTS]; FINGERS],
@@ -43,15 +45,30 @@ pub(crate) struct Control<'r> {
 
 impl<'r> Control<'r> {
     /// Before the first tick of a processor, which serves these fingers.
-    pub(crate) fn new(hand: &'r RobotDescription, served: [bool; FINGERS]) -> Self {
+    ///
+    /// # Errors
+    /// [`Failure::Controller`] for arms or sensors that the description's check would have refused.
+    pub(crate) fn new(
+        hand: &'r RobotDescription,
+        served: [bool; FINGERS],
+    ) -> Result<Self, Failure> {
         let absent = joints::absent();
         let fingers = joints::with_mechanisms(hand, &absent);
-        Self {
+        let mut sensors = [None; FINGERS];
+        let all = sensors.iter_mut().zip(&hand.fingers).zip(served);
+        for (finger, ((place, entry), served)) in all.enumerate() {
+            if served {
+                let failed = |error| Failure::Controller { finger, error };
+                *place = Some(FingerSensors::new(entry).map_err(failed)?);
+            }
+        }
+        Ok(Self {
             hand,
             served,
+            sensors,
             grasp: DistributedGrasp::new(fingers, served),
             velocity: [[0.0; JOINTS]; FINGERS],
-        }
+        })
     }
 
     pub(crate) const fn grasp(&self) -> &DistributedGrasp<Mechanism, FINGERS, JOINTS> {
@@ -78,11 +95,10 @@ impl<'r> Control<'r> {
     ) -> HandReadings {
         let mut inputs = Inputs::new_zeroed();
         let mut first = 0;
-        let sensed = self.entries().map(|entry| {
+        let sensed = self.sensors.each_ref().map(|sensors| {
             let mut number = first;
             first += INPUTS_OF_FINGER;
-            let entry = entry?;
-            Some(read_finger(entry, |channel| {
+            Some(sensors.as_ref()?.read(|channel| {
                 let counts = read(number, channel);
                 inputs.set(number, counts);
                 number += 1;

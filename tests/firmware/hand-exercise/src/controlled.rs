@@ -209,7 +209,9 @@ fn sense(
 ) -> FingerReadings<4, 8> {
     let mut sensed = finger.readings();
     for (joint, position) in described.joints.iter().zip(sensed.position.iter_mut()) {
-        *position = joint.adc.value(joint.adc.counts(*position));
+        if let Some(adc) = &joint.adc {
+            *position = adc.value(adc.counts(*position));
+        }
         digest.reading(*position);
     }
     for (actuator, effort) in described.actuators.iter().zip(&mut sensed.effort) {

@@ -6,7 +6,7 @@ use condor_rt::Machine;
 use super::super::others::Ball;
 use super::super::words::{Problem, Words};
 use super::Commands;
-use crate::joints::{ActuatorName, JointName};
+use crate::joints::ActuatorName;
 use crate::plant::{NumberRange, PlantRequest, PlantSensor};
 
 impl<M: Machine> Commands<'_, '_, M> {
@@ -99,16 +99,26 @@ impl<M: Machine> Commands<'_, '_, M> {
             ));
             return Ok(());
         }
-        let (finger, joint) = words.joint(self.hand)?;
+        let name = words.peek().next().unwrap_or_default();
+        let mut ahead = words.clone();
+        let (finger, sensor) = match (words.joint(self.hand), ahead.actuator(self.hand)) {
+            (Err(_), Ok((finger, actuator))) => {
+                *words = ahead;
+                (finger, PlantSensor::Encoder(actuator as u32))
+            }
+            (joint, _) => {
+                let (finger, joint) = joint?;
+                (finger, PlantSensor::Position(joint as u32))
+            }
+        };
         match words.word(what)? {
             "position" => words.end()?,
             word => return Err(Problem::Not { word, what }),
         }
         self.others.plant(&PlantRequest::StickSensor {
             finger: finger as u32,
-            sensor: PlantSensor::Position(joint as u32),
+            sensor,
         })?;
-        let name = JointName(self.hand, self.numbers.number(finger, joint));
         self.say(format_args!(
             "the position sensor of {name} stays as it is; `clear` mends it"
         ));
