@@ -35,8 +35,8 @@ pub trait Transmission<const N: usize, const A: usize> {
         true
     }
 
-    /// Returns the arms at the present positions. The limits, and the [joint](Linear::joint_of) of each actuator, must
-    /// always be the same.
+    /// Returns the arms at the present positions. The limits must always be the same. An actuator belongs to the last
+    /// [joint](Linear::joint_of) at which it has an arm in the beginning.
     fn linear(&self) -> &Linear<N, A>;
 }
 

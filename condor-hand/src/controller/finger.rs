@@ -215,6 +215,13 @@ where
         self.servo.linear()
     }
 
+    /// Returns the joint to which an actuator [belongs](Linear::joint_of); `None` if it moves nothing, or if the finger
+    /// does not have it.
+    #[must_use]
+    pub fn joint_of(&self, actuator: usize) -> Option<usize> {
+        self.servo.joint_of(actuator)
+    }
+
     /// Switches a joint to another mode, in which it first keeps its present position, torque or efforts. If the joint
     /// is in that mode already, nothing changes, even if it follows the master.
     ///
@@ -258,7 +265,7 @@ where
     pub fn set_effort(&mut self, actuator: usize, effort: f64) -> Result<(), ServoRefusal> {
         self.refuse_after_fault()?;
         self.servo.set_effort(actuator, effort)?;
-        if let Some(joint) = self.servo.linear().joint_of(actuator) {
+        if let Some(joint) = self.servo.joint_of(actuator) {
             self.leave(joint);
         }
         Ok(())

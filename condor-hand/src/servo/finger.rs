@@ -61,6 +61,8 @@ pub struct ServoOutput<const N: usize, const A: usize> {
 pub struct FingerServo<M, T, const N: usize, const A: usize> {
     mechanism: M,
     transmission: T,
+    /// The joint to which each actuator belongs; `None` for one that moves nothing.
+    owners: [Option<usize>; A],
     drive: DriveDynamics<N>,
     joints: [JointServo; N],
     actuators: EffortServos<A>,
@@ -137,9 +139,11 @@ where
         let effort_cutoffs_hz = settings.actuators.map(|actuator| actuator.cutoff_hz);
         let actuators = EffortServos::new(gains, linear.limits(), sample_hz)?;
         let desired = linear.at_rest();
+        let owners = core::array::from_fn(|actuator| linear.joint_of(actuator));
         Ok(Self {
             mechanism,
             transmission,
+            owners,
             drive: settings.drive,
             joints,
             actuators,
@@ -170,6 +174,13 @@ where
     #[must_use]
     pub fn linear(&self) -> &Linear<N, A> {
         self.transmission.linear()
+    }
+
+    /// Returns the joint to which an actuator [belongs](Linear::joint_of); `None` if it moves nothing, or if the finger
+    /// does not have it.
+    #[must_use]
+    pub fn joint_of(&self, actuator: usize) -> Option<usize> {
+        self.owners.get(actuator).copied().flatten()
     }
 
     /// Returns true for an actuator whose effort a sensor measures.
@@ -224,7 +235,7 @@ where
     /// Returns [`ServoRefusal::NoActuator`] if the finger does not have the actuator; [`ServoRefusal::Effort`] if the
     /// effort is beyond its limits.
     pub fn set_effort(&mut self, actuator: usize, effort: f64) -> Result<(), ServoRefusal> {
-        let joint = (self.linear().joint_of(actuator))
+        let joint = (self.joint_of(actuator))
             .ok_or(ServoRefusal::no_actuator(actuator, self.actuators()))?;
         if let Some(&EffortLimits { low, high, .. }) = self.linear().limits().get(actuator)
             && !(low <= effort && effort <= high)
@@ -245,7 +256,7 @@ where
 
     /// Returns the number of actuators: all but those at the end that move nothing.
     fn actuators(&self) -> usize {
-        let moves = |actuator: &usize| self.linear().joint_of(*actuator).is_some();
+        let moves = |actuator: &usize| self.joint_of(*actuator).is_some();
         (0..A).rev().find(moves).map_or(0, |last| last + 1)
     }
 
@@ -257,9 +268,8 @@ where
         if !servo.take(target) {
             return;
         }
-        let linear = self.transmission.linear();
-        for (actuator, mean) in self.means.iter_mut().enumerate() {
-            if linear.joint_of(actuator) == Some(joint) {
+        for (mean, owner) in self.means.iter_mut().zip(&self.owners) {
+            if *owner == Some(joint) {
                 *mean = Mean::new();
             }
         }
@@ -269,8 +279,8 @@ where
     fn give(&mut self, joint: usize, kept: &[f64; A]) {
         let linear = self.transmission.linear();
         let all = self.given.iter_mut().zip(kept).zip(linear.limits());
-        for (actuator, ((given, kept), limits)) in all.enumerate() {
-            if linear.joint_of(actuator) == Some(joint) {
+        for (((given, kept), limits), owner) in all.zip(&self.owners) {
+            if *owner == Some(joint) {
                 *given = limits.clamp(*kept);
             }
         }
@@ -280,9 +290,9 @@ where
     /// a torque, or else the last one, N or N m.
     fn kept(&self) -> [f64; A] {
         let mut kept = self.desired;
-        for (actuator, (effort, mean)) in kept.iter_mut().zip(&self.means).enumerate() {
-            let joint = self.linear().joint_of(actuator);
-            let servo = joint.and_then(|joint| self.joints.get(joint));
+        let all = kept.iter_mut().zip(&self.means).zip(&self.owners);
+        for ((effort, mean), owner) in all {
+            let servo = owner.and_then(|joint| self.joints.get(joint));
             if servo.is_some_and(JointServo::is_active) {
                 *effort = mean.effort().unwrap_or(*effort);
             }
@@ -348,8 +358,8 @@ where
             }
         }
         let mut limits = *linear.limits();
-        for (actuator, (limits, has)) in limits.iter_mut().zip(has).enumerate() {
-            if !linear.joint_of(actuator).is_some_and(follows) {
+        for ((limits, has), owner) in limits.iter_mut().zip(has).zip(&self.owners) {
+            if !owner.is_some_and(follows) {
                 limits.bias = limits.clamp(*has);
             }
         }
@@ -395,7 +405,7 @@ where
     /// Returns the present gains of an actuator; `None` for an actuator that the finger does not have.
     #[must_use]
     pub fn effort_gains(&self, actuator: usize) -> Option<&EffortGains> {
-        self.linear().joint_of(actuator)?;
+        self.joint_of(actuator)?;
         self.actuators.gains().get(actuator)
     }
 
@@ -574,9 +584,9 @@ where
                 asked &= !(1 << joint);
             }
         }
-        for (actuator, (limits, &given)) in limits.iter_mut().zip(&self.given).enumerate() {
-            let joint = linear.joint_of(actuator);
-            let servo = joint.and_then(|joint| self.joints.get(joint));
+        let all = limits.iter_mut().zip(&self.given).zip(&self.owners);
+        for ((limits, &given), owner) in all {
+            let servo = owner.and_then(|joint| self.joints.get(joint));
             match servo.map(|servo| servo.target) {
                 Some(JointTarget::Effort) => *limits = EffortLimits::fixed(given),
                 Some(JointTarget::Off) if active == 0 => {
@@ -670,9 +680,8 @@ where
             }
         }
         let mut kept = self.desired;
-        for (actuator, (kept, mean)) in kept.iter_mut().zip(&means).enumerate() {
-            let joint = self.linear().joint_of(actuator);
-            if joint.is_some_and(|joint| keeps >> joint & 1 == 1) {
+        for ((kept, mean), owner) in kept.iter_mut().zip(&means).zip(&self.owners) {
+            if owner.is_some_and(|joint| keeps >> joint & 1 == 1) {
                 *kept = *mean;
             }
         }

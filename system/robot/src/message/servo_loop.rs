@@ -233,7 +233,7 @@ where
             }
             JointDrive::Effort { actuator, effort } => {
                 let actuator = actuator as usize;
-                if self.controller.linear().joint_of(actuator) != Some(joint) {
+                if self.controller.joint_of(actuator) != Some(joint) {
                     let actuators = self.controller.actuators();
                     return Err(ServoRefusal::no_actuator(actuator, actuators));
                 }
