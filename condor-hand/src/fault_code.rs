@@ -65,7 +65,7 @@ impl FaultCode {
             Self::NotFinite => ("not finite", "check the sensor and its wires"),
             Self::OutOfRange => ("out of range", "check the sensor and its wires"),
             Self::Stuck => ("stuck", "check the sensor, and whether something blocks the joint"),
-            Self::Tracking => ("tracking error", "see whether something blocks the joint, or its load is too large"),
+            Self::Tracking => ("tracking error", "see whether something blocks the joint, its load is too large, or an actuator does not move it"),
             Self::LowEffort => ("effort too low", "check the actuator, its tendon if it has one, and the sensor of its effort"),
             Self::HighEffort => ("effort too high", "reduce the load, or the stiffness"),
             Self::JointLimit => ("past its limit", "bring the joint back within its limits"),
