@@ -71,7 +71,7 @@ impl FaultCode {
             Self::JointLimit => ("past its limit", "bring the joint back within its limits"),
             Self::MissedDeadline => ("missed deadline", "see whether its processor has too much to do"),
             Self::StaleSetPoint => ("stale set-point", "see whether the program that sends set-points has ended, or was too slow"),
-            Self::Jump => ("jumped", "check the sensor and its wires, and whether something hit the joint"),
+            Self::Jump => ("jumped", "check the sensor and its wires, whether something hit the joint, and whether its gains let it swing"),
         }
     }
 }
