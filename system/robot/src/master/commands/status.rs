@@ -104,9 +104,11 @@ impl<M: Machine> Commands<'_, '_, M> {
             Ok(object) => self.say(format_args!("object: {}", MeasuredObject(&object))),
             Err(problem) => self.say(format_args!("object: {problem}")),
         }
-        match self.others.table(&TableRequest::Status) {
-            Ok(state) => self.say(format_args!("table: {state}")),
-            Err(problem) => self.say(format_args!("table: {problem}")),
+        if self.hand.table.is_some() {
+            match self.others.table(&TableRequest::Status) {
+                Ok(state) => self.say(format_args!("table: {state}")),
+                Err(problem) => self.say(format_args!("table: {problem}")),
+            }
         }
         Ok(())
     }
