@@ -65,13 +65,13 @@ impl FaultCode {
             Self::NotFinite => ("not finite", "check the sensor and its wires"),
             Self::OutOfRange => ("out of range", "check the sensor and its wires"),
             Self::Stuck => ("stuck", "check the sensor, and whether something blocks the joint"),
-            Self::Tracking => ("tracking error", "see whether something blocks the joint, or its load is too large"),
+            Self::Tracking => ("tracking error", "see whether something blocks the joint, its load is too large, or an actuator does not move it"),
             Self::LowEffort => ("effort too low", "check the actuator, its tendon if it has one, and the sensor of its effort"),
             Self::HighEffort => ("effort too high", "reduce the load, or the stiffness"),
             Self::JointLimit => ("past its limit", "bring the joint back within its limits"),
             Self::MissedDeadline => ("missed deadline", "see whether its processor has too much to do"),
             Self::StaleSetPoint => ("stale set-point", "see whether the program that sends set-points has ended, or was too slow"),
-            Self::Jump => ("jumped", "check the sensor and its wires, and whether something hit the joint"),
+            Self::Jump => ("jumped", "check the sensor and its wires, whether something hit the joint, and whether its gains let it swing"),
         }
     }
 }

@@ -192,9 +192,13 @@ fn every_error_names_the_thing_and_a_remedy() {
 
 #[test]
 fn errors_of_another_robot_name_the_thing_and_a_remedy() {
-    // It has no table, no tactile sensor at the ring finger, and its joints rest past their limits.
+    // It has no table, no tactile sensor and not all sensors of effort at the ring finger, and its joints rest past their
+    // limits.
     let mut hand: RobotDescription = hand();
     hand.fingers[2].touch = None;
+    let actuator = &mut hand.fingers[2].actuators[0];
+    (actuator.adc, actuator.cutoff_hz) = (None, None);
+    (actuator.faults, actuator.gains) = Default::default();
     hand.table = None;
     hand.processors.retain(|it| it.number != TABLE.0);
     hand.faults.overtravel_rad = 1e-5;

@@ -152,7 +152,7 @@ fn said(plan: &Plan) -> String {
             percent(peaks.velocity),
             format!("{:.3}", largest(&joint.torque)),
             percent(peaks.torque),
-            or_dash(effort.map(|effort| format!("{effort:.1}"))),
+            or_dash(effort.map(|effort| format!("{effort:.3}"))),
             or_dash(peaks.effort.map(percent)),
         ]);
     }

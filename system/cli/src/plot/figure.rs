@@ -182,6 +182,9 @@ impl Figure {
         if self.positions.iter().all(Option::is_none) {
             return Text::raw(" no program shows its joints").dim();
         }
+        if self.tendons.is_empty() {
+            return Text::default();
+        }
         let [least, greatest] = self.shown_range().map(brief);
         if !has_colors {
             return Text::raw(format!(" tendons: 0 is {least} N, 9 is {greatest} N")).dim();

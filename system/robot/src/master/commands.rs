@@ -75,7 +75,7 @@ commands! {
         "torque" "FINGER.JOINT NM" "sets the torque of a joint" "torque index.middle 0.05" torque
             "NM: the torque of its actuators, N m. Nothing else bears the weight of the links.";
         "effort" "FINGER.ACTUATOR N" "sets the effort of an actuator" "effort index.middle-flexor 8" effort
-            "N: within the range of the actuators.";
+            "N: within the range of the actuator; N m if it is a motor that turns a joint.";
         "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "acts as a spring" "impedance index 0.05" impedance
             "Stiffness, damping, and the position at rest, by default the present one.";
         "gains" "FINGER.PART [GAIN VALUE]..." "shows or sets gains, filters and limits"

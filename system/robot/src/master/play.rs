@@ -79,9 +79,14 @@ impl Player {
         self.title.as_deref()
     }
 
-    /// The number of its motions that the generator has taken, and the number of all.
-    pub(super) const fn progress(&self) -> (u32, u32) {
-        (self.next, self.count)
+    /// The number of its motions that have begun, and the number of all.
+    pub(super) fn progress<W>(&self, shared: &SharedDrive<'_, W>) -> (u32, u32) {
+        let waits = |&&ticket: &&MotionTicket| {
+            let progress = with(shared, |drive| drive.generator.progress(ticket));
+            matches!(progress.flatten(), Some(MotionProgress::Queued { .. }))
+        };
+        let waiting = self.tickets.iter().filter(waits).count() as u32;
+        (self.next.saturating_sub(waiting), self.count)
     }
 
     /// Returns true if the motion that runs moves a finger.

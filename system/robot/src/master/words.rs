@@ -194,6 +194,10 @@ pub(super) enum Problem<'l> {
         "the robot has no table: give its configuration `[[table.axes]]`, and a processor for them"
     )]
     NoTable,
+    #[error(
+        "{finger}.{actuator} has no sensor of its effort; `fault {finger}.{actuator} drive` cuts its drive"
+    )]
+    NotSensed { finger: Name, actuator: Name },
     #[error("the simulated robot refused the request: {0}")]
     Plant(plant::PlantRefusal),
     #[error("the table refused the request: {0}")]

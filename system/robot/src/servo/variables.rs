@@ -11,6 +11,7 @@ use condor_vars::{ValueKind, VarDescription, Watch};
 
 use super::ServedFingers;
 use super::control::OfFingers;
+use crate::joints::effort_unit;
 use crate::{ACTUATORS, FINGERS, JOINTS};
 
 /// The variables of each joint: name, unit and description.
@@ -21,15 +22,15 @@ const JOINT: [Names; 5] = [
     ("torque", "N m", "Torque of the desired efforts."),
     ("error", "rad", "Target less position."),
 ];
-/// The variables of each actuator, after those of the joints.
+/// The variables of each actuator, after those of the joints. Their unit is that of [`effort_unit`].
 const ACTUATOR: [Names; 3] = [
     (
         "effort",
-        "N",
-        "Measured effort, N or N m; the desired one without a sensor.",
+        "",
+        "Measured effort; the desired one without a sensor.",
     ),
-    ("desired", "N", "Desired effort, N or N m."),
-    ("command", "N", "Command to the actuator, N or N m."),
+    ("desired", "", "Desired effort."),
+    ("command", "", "Command to the actuator."),
 ];
 /// The variables of each finger, after those of its actuators.
 const FINGER: [Names; 3] = [
@@ -172,12 +173,17 @@ impl Watch for Variables<'_> {
     }
 
     fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
-        let (kind, unit, about) = match self.part(index)?.1 {
+        let (finger, part) = self.part(index)?;
+        let (kind, unit, about) = match part {
             Part::Finger(&(FAULT, unit, about)) => (ValueKind::Choice, unit, about),
             Part::Finger(&(_, "", about)) => (ValueKind::U32, "", about),
-            Part::Joint(_, &(_, unit, about))
-            | Part::Actuator(_, &(_, unit, about))
-            | Part::Finger(&(_, unit, about)) => (ValueKind::F32, unit, about),
+            Part::Actuator(actuator, &(_, _, about)) => {
+                let unit = effort_unit(finger, finger.actuators.get(actuator)?);
+                (ValueKind::F32, unit, about)
+            }
+            Part::Joint(_, &(_, unit, about)) | Part::Finger(&(_, unit, about)) => {
+                (ValueKind::F32, unit, about)
+            }
         };
         Some(VarDescription {
             kind,

@@ -8,7 +8,7 @@ use condor_rt::Machine;
 
 use super::{Commands, Problem, Words, with};
 use crate::RobotDescription;
-use crate::joints::ActuatorName;
+use crate::joints::{ActuatorName, effort_unit};
 use crate::plant;
 
 /// The damping of an impedance for each unit of its stiffness, s, unless the command has one. Position laws of
@@ -42,7 +42,10 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         self.servos.set_effort(finger, actuator, effort)?;
         let name = ActuatorName(self.hand, finger, actuator);
         let effort = Decimal(effort);
-        self.say(format_args!("{name} has an effort of {effort}"));
+        let described = self.hand.fingers.get(finger);
+        let described = described.zip(self.hand.actuator(finger, actuator));
+        let unit = described.map_or("", |(finger, actuator)| effort_unit(finger, actuator));
+        self.say(format_args!("{name} has an effort of {effort} {unit}"));
         Ok(())
     }
 

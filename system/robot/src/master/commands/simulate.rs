@@ -84,12 +84,20 @@ impl<M: Machine> Commands<'_, '_, M> {
             words.next();
             words.end()?;
             let name = ActuatorName(self.hand, finger, actuator);
+            let described = self.hand.fingers.get(finger);
+            let described = described.zip(self.hand.actuator(finger, actuator));
             let (finger, actuator) = (finger as u32, actuator as u32);
             if kind == Some("drive") {
                 self.others
                     .plant(&PlantRequest::CutDrive { finger, actuator })?;
                 self.say(format_args!("the drive {name} is cut; `clear` mends it"));
                 return Ok(());
+            }
+            if let Some((finger, actuator)) = described.filter(|(_, it)| it.adc.is_none()) {
+                return Err(Problem::NotSensed {
+                    finger: finger.name.clone(),
+                    actuator: actuator.name.clone(),
+                });
             }
             let sensor = PlantSensor::Effort(actuator);
             self.others

@@ -67,14 +67,14 @@ impl<M: Machine> Commands<'_, '_, M> {
         };
         match self.player.title() {
             Some(title) => {
-                let (next, count) = self.player.progress();
+                let (begun, count) = self.player.progress(self.shared);
                 if count == 0 {
                     self.say(format_args!(
                         "motion {title} runs: it follows the points that a program sends{paused}"
                     ));
                 } else {
                     self.say(format_args!(
-                        "motion {title} runs: {next} of its {count} steps have begun{paused}"
+                        "motion {title} runs: {begun} of its {count} steps have begun{paused}"
                     ));
                 }
             }
@@ -104,9 +104,11 @@ impl<M: Machine> Commands<'_, '_, M> {
             Ok(object) => self.say(format_args!("object: {}", MeasuredObject(&object))),
             Err(problem) => self.say(format_args!("object: {problem}")),
         }
-        match self.others.table(&TableRequest::Status) {
-            Ok(state) => self.say(format_args!("table: {state}")),
-            Err(problem) => self.say(format_args!("table: {problem}")),
+        if self.hand.table.is_some() {
+            match self.others.table(&TableRequest::Status) {
+                Ok(state) => self.say(format_args!("table: {state}")),
+                Err(problem) => self.say(format_args!("table: {problem}")),
+            }
         }
         Ok(())
     }

@@ -27,9 +27,9 @@ const JOINT: [Column; 3] = [
     ("torque", "N m", 4),
 ];
 const ACTUATOR: [Column; 3] = [
-    ("effort", "effort", 2),
-    ("desired", "wanted", 2),
-    ("command", "command", 2),
+    ("effort", "effort", 4),
+    ("desired", "wanted", 4),
+    ("command", "command", 4),
 ];
 /// The most rows: joints, and then the actuators of each finger.
 const ROWS: usize = ALL + FINGERS * ACTUATORS;
@@ -404,7 +404,7 @@ mod tests {
         assert_eq!(titles.len(), actuator.to_string().len());
         assert_eq!(
             actuator.to_string(),
-            "index.abduction-flexor       12.35    130.00         -"
+            "index.abduction-flexor     12.3450  130.0000         -"
         );
     }
 }
