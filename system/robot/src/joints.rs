@@ -134,10 +134,10 @@ pub(crate) fn effort_unit(
     finger: &Finger<JOINTS, ACTUATORS>,
     actuator: &Actuator<JOINTS>,
 ) -> &'static str {
-    let mut moved = (finger.joints.iter()).filter(|joint| actuator.arm(&joint.name) != 0.0);
+    let mut moved = (finger.joints.iter()).filter(|joint| finger.arm(actuator, joint) != 0.0);
     let slides = moved
         .next()
-        .and_then(|joint| joint.mount)
+        .and_then(|joint| joint.mount.as_ref())
         .is_some_and(|mount| matches!(mount.motion, JointMotion::Prismatic(_)));
     if actuator.limits.low < 0.0 && !slides {
         "N m"

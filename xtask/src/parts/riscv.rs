@@ -22,11 +22,18 @@ const JOINTS: u32 = 16;
 /// The master's words if it cannot load the motion that its description has typed. Whether a motion
 /// comes to its end is a question of time: a busy machine misses deadlines, which stops fingers.
 const NO_MOTION: &str = "wave.motion:";
-/// The robots that run on harts as they do in processes, each with descriptions that all move it alike.
-const ROBOTS: [(&str, &[&str]); 3] = [
-    ("one-finger", &["harts.toml", "system.toml"]),
-    ("motor-hand", &["harts.toml", "system.toml"]),
+/// The robots that run on harts as they do in processes: the program, and the folder with descriptions that all move it
+/// alike.
+const ROBOTS: [(&str, &str, &[&str]); 4] = [
+    ("one-finger", "one-finger", &["harts.toml", "system.toml"]),
     (
+        "robots",
+        "robots/motor-hand",
+        &["harts.toml", "system.toml"],
+    ),
+    ("robots", "robots/wam-arm", &["harts.toml", "system.toml"]),
+    (
+        "utah-mit-hand",
         "utah-mit-hand",
         &[
             "harts.toml",
@@ -76,10 +83,10 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         println!("{seen}; run {run} of {HAND_RUNS}");
     }
     let mut ran = 0;
-    for (robot, descriptions) in ROBOTS {
+    for (program, robot, descriptions) in ROBOTS {
         let mut first = None;
         for description in descriptions {
-            let seen = moved(context, robot, description)?;
+            let seen = moved(context, program, &format!("{robot}/{description}"))?;
             let expected = first.get_or_insert_with(|| seen.clone());
             // At least one motion, and the hash at the end.
             let is_whole = seen.len() > 1 && seen.last().is_some_and(|line| line.contains(HASH));
@@ -110,14 +117,14 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         passed += count;
     }
     Ok(Summary::of(format!(
-        "{ran} systems of three robots for {HAND_SECONDS} s, {EXACT_SECONDS} s of exact stress, {passed} tests"
+        "{ran} systems of four robots for {HAND_SECONDS} s, {EXACT_SECONDS} s of exact stress, {passed} tests"
     )))
 }
 
 /// Returns the last lines of a robot, run in simulated time.
-fn moved(context: &Context, robot: &str, description: &str) -> Result<Vec<String>> {
+fn moved(context: &Context, program: &str, description: &str) -> Result<Vec<String>> {
     let hand = format!(
-        "target/debug/{robot} up examples/{robot}/{description} --clock simulated --speed max --headless --for {HAND_SECONDS}s"
+        "target/debug/{program} up examples/{description} --clock simulated --speed max --headless --for {HAND_SECONDS}s"
     );
     let mut seen = Vec::new();
     context.command(&hand).watch(|line| {
