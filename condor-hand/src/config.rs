@@ -45,9 +45,10 @@
 //! | `[[table.axes]]` | [`Axis`] of the table that carries the hand, if there is one |
 //! | `[[fingers]]` | [`Finger`]: name, base, form |
 //! | `[[fingers.joints]]` | [`Joint`]: proximal first; its processor, sensor, servo and link |
+//! | `[[fingers.followers]]` | [`Follower`]: a joint that follows another one |
 //! | `[[fingers.actuators]]` | [`Actuator`]: the joints that it moves, limits, sensor, output, gains |
 //! | `touch` of a finger | [`Touch`]: the tactile sensor of its tip, and the force of a contact; optional |
-//! | `adc`, `dac` | [`InputChannel`] and [`OutputChannel`]: board, channel and calibration |
+//! | `adc`, `encoder`, `dac` | [`InputChannel`] and [`OutputChannel`]: board, channel and calibration |
 //!
 //! A choice is a word or a table with one key, such as `shape = { cuboid = [0.04, 0.02, 0.02] }`: a [`Form`], a
 //! [`Rotation`], a [`JointMotion`] and a [`Shape`].

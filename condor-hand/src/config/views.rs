@@ -13,7 +13,7 @@ use crate::math::{clamp, max, min};
 use crate::number::is_within;
 use crate::trajectory::{self, Primitive, Target};
 use crate::transmission::{EffortLimits, Linear, PositionSensing};
-use crate::{NumberError, Pose, Requirement, Subject};
+use crate::{NumberError, Pose};
 
 impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize>
     Hand<FINGERS, JOINTS, ACTUATORS>
@@ -253,13 +253,7 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
             actuator.is_some_and(|actuator| actuator.encoder.is_some())
         };
         let (joints, actuators) = (core::array::from_fn(joint), core::array::from_fn(actuator));
-        let sensing = self.transmission()?.position_sensing(&joints, &actuators);
-        sensing.map_err(|joint| NumberError {
-            at: Subject::Joint(joint as u16),
-            what: "the number of sensors that tell its position",
-            value: 0.0,
-            must: Requirement::AtLeast(1.0),
-        })
+        self.transmission()?.position_sensing(&joints, &actuators)
     }
 
     /// Returns the joint to which an actuator [belongs](Linear::joint_of); `None` if the finger does not have the

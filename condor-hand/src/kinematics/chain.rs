@@ -1,7 +1,7 @@
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::check;
-use crate::number::{NumberError, Requirement, check as check_number, count, not_negative};
+use crate::number::{NumberError, Requirement, check as check_number, count, finite, not_negative};
 use crate::{Pose, Subject};
 
 /// The motion by which a joint moves its link relative to the link before it.
@@ -61,6 +61,31 @@ impl ChainJoint {
             on: Carrier::Previous,
             follows: None,
         }
+    }
+
+    /// Checks that this joint, number `number` of `joints`, can be on its link, and follow the joint that it follows.
+    fn check(&self, number: usize, joints: &[Self]) -> Result<(), NumberError> {
+        if let Carrier::Joint(other) = self.on {
+            let what = "the number of the joint that carries it";
+            check_number(what, count(other), Requirement::Below(count(number)))?;
+        }
+        let Some(Following {
+            joint,
+            ratio,
+            offset,
+        }) = self.follows
+        else {
+            return Ok(());
+        };
+        finite("the ratio to the joint that it follows", ratio)?;
+        finite("the offset from the joint that it follows", offset)?;
+        let what = "the number of the joint that it follows";
+        check_number(what, count(joint), Requirement::Below(count(joints.len())))?;
+        let moves = joints
+            .get(joint)
+            .is_some_and(|joint| joint.follows.is_none());
+        let what = "the number of joints between it and one that moves by itself";
+        check_number(what, f64::from(u8::from(!moves)), Requirement::Equal(0.0))
     }
 
     /// Returns a joint that stands for one that the mechanism does not have.
@@ -161,10 +186,8 @@ impl<const N: usize> Chain<N> {
             if let ChainMotion::Revolute(axis) | ChainMotion::Prismatic(axis) = &joint.motion {
                 check::axis(number, axis)?;
             }
-            check::carrier(number, joint.on)?;
-            if let Some(following) = &joint.follows {
-                check::following(number, following, &joints)?;
-            }
+            let place = Subject::Joint(number as u16);
+            (joint.check(number, &joints)).map_err(|error| error.at(place))?;
         }
         for (link, body) in bodies.iter().enumerate() {
             body.check(link)?;

@@ -2,10 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Carrier, ChainJoint, Following};
 use crate::Subject;
 use crate::math::{abs, max, sqrt};
-use crate::number::{NumberError, Requirement, check, count, finite, positive};
+use crate::number::{NumberError, Requirement, check, finite, positive};
 use crate::pose::Pose;
 
 const ORTHONORMAL: &str = "the error of the rotation, whose columns must be unit vectors at right angles, x, y and \
@@ -46,47 +45,6 @@ pub(super) fn axis(joint: usize, axis: &Vector3<f64>) -> Result<(), NumberError>
         value: length,
         must: Requirement::Equal(1.0),
     })
-}
-
-/// Checks that joint `number` can be on this link.
-pub(super) fn carrier(number: usize, on: Carrier) -> Result<(), NumberError> {
-    let Carrier::Joint(other) = on else {
-        return Ok(());
-    };
-    let before = Requirement::Below(count(number));
-    check(
-        "the number of the joint that carries it",
-        count(other),
-        before,
-    )
-    .map_err(|error| error.at(Subject::Joint(number as u16)))
-}
-
-/// Checks that joint `number` of `joints` can follow another one.
-pub(super) fn following(
-    number: usize,
-    following: &Following,
-    joints: &[ChainJoint],
-) -> Result<(), NumberError> {
-    let at = |error: NumberError| error.at(Subject::Joint(number as u16));
-    finite("the ratio to the joint that it follows", following.ratio).map_err(at)?;
-    finite(
-        "the offset from the joint that it follows",
-        following.offset,
-    )
-    .map_err(at)?;
-    let there = Requirement::Below(count(joints.len()));
-    let other = count(following.joint);
-    check("the number of the joint that it follows", other, there).map_err(at)?;
-    let moves = joints
-        .get(following.joint)
-        .is_some_and(|joint| joint.follows.is_none());
-    check(
-        "the number of joints between it and one that moves by itself",
-        f64::from(u8::from(!moves)),
-        Requirement::Equal(0.0),
-    )
-    .map_err(at)
 }
 
 pub(super) fn inertia(link: usize, inertia: &Matrix3<f64>) -> Result<(), NumberError> {

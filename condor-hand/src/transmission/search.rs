@@ -146,8 +146,8 @@ impl<const N: usize> Rows<N> {
         })
     }
 
-    /// Returns the matrix that gives the positions of joints by those of actuators with these scaled arms, by least
-    /// squares: for each joint, its part of each actuator.
+    /// Inverts scaled arms by least squares: the position of a joint is the sum of these parts of the positions of the
+    /// actuators.
     pub(super) fn positions<const A: usize>(&self, scaled: &[[f64; N]; A]) -> [[f64; A]; N] {
         let mut parts = [[0.0; A]; N];
         let joints = self.inverse.iter().zip(&self.per_length);

@@ -2,7 +2,9 @@ use nalgebra::SVector;
 
 use super::Linear;
 use super::search::Rows;
+use crate::Subject;
 use crate::math::abs;
+use crate::number::{NumberError, Requirement};
 
 /// The positions of joints by those that sensors at joints and at actuators measure.
 ///
@@ -32,12 +34,18 @@ impl<const N: usize, const A: usize> Linear<N, A> {
     /// positions. A joint that nothing moves and nothing measures is at 0.
     ///
     /// # Errors
-    /// The number of a joint whose position these sensors do not tell.
+    /// [`NumberError`] for the first joint whose position these sensors do not tell.
     pub fn position_sensing(
         &self,
         joints: &[bool; N],
         actuators: &[bool; A],
-    ) -> Result<PositionSensing<N, A>, usize> {
+    ) -> Result<PositionSensing<N, A>, NumberError> {
+        let untold = |joint: usize| NumberError {
+            at: Subject::Joint(joint as u16),
+            what: "the number of sensors that tell its position",
+            value: 0.0,
+            must: Requirement::AtLeast(1.0),
+        };
         let mut scaled = [[0.0; N]; A];
         let mut is_told = *joints;
         let columns = scaled.iter_mut().zip(self.arms()).zip(actuators);
@@ -54,10 +62,10 @@ impl<const N: usize, const A: usize> Linear<N, A> {
         for (joint, is_told) in is_told.into_iter().enumerate() {
             let moves = |arms: &[f64; N]| arms.get(joint).is_some_and(|arm| *arm != 0.0);
             if !is_told && self.arms().iter().any(moves) {
-                return Err(joint);
+                return Err(untold(joint));
             }
         }
-        let rows = Rows::new(&mut scaled)?;
+        let rows = Rows::new(&mut scaled).map_err(untold)?;
         let by_actuators = rows.positions(&scaled);
         let mut by_joints = [[0.0; N]; N];
         for (joint, (row, parts)) in by_joints.iter_mut().zip(&by_actuators).enumerate() {

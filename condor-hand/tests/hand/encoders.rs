@@ -6,6 +6,7 @@
     reason = "the tests say where a number is exactly another"
 )]
 
+use condor_hand::Subject;
 use condor_hand::config::{Channel, Hand, InputChannel, Wire};
 use condor_hand::controller::{FingerController, FingerSensors};
 use condor_hand::fault::{FaultCode, FaultSite};
@@ -177,7 +178,9 @@ proptest! {
                 let exact = sensing.resolutions(&[0.0; 4], &[0.0; 5]);
                 prop_assert_eq!(exact.amax(), 0.0);
             }
-            Err(joint) => prop_assert!(joint < 4 && unknown > 0),
+            Err(error) => {
+                prop_assert!(matches!(error.at, Subject::Joint(0..4)) && unknown > 0);
+            }
         }
     }
 }
