@@ -13,7 +13,7 @@ mod product;
 mod reach;
 
 pub use chain::{Chain, ChainBody, ChainJoint, ChainMotion};
-pub(crate) use check::body_inertia;
+pub(crate) use check::{body_inertia, pose as check_pose};
 pub use finger::{PlanarFinger, Rod};
 pub use limits::JointLimits;
 pub use nearest::{Nearest, Side};

@@ -15,11 +15,13 @@
     reason = "what compares with a NaN is to fall on the side that refuses"
 )]
 
+mod cartesian;
 mod event;
 mod generator;
 mod guard;
 pub mod image;
 mod interpolator;
+mod joint_path;
 #[cfg(feature = "text")]
 pub mod motion;
 mod path;
@@ -45,6 +47,10 @@ pub use primitive::{
     Begin, Guards, MAX_VIAS, MotionError, MotionGuard, Observations, OnEnd, Pace, Primitive,
     Profile, Target, Via,
 };
+
+// Paths of a tip in space.
+pub use cartesian::CartesianPath;
+pub use joint_path::{JointPath, JointPathError, PathDeviation};
 
 // Points that come while the joints move.
 pub use stream::{JointStream, JointStreamError, StreamEnd, StreamPoint, StreamQuantity};

@@ -214,7 +214,7 @@ impl<const N: usize> Reach<N> {
 
 /// The postures at which attempts begin.
 struct Starts<const N: usize> {
-    /// Where each joint is in its range, from 0 to 1.
+    /// The place of each joint in its range, from 0 to 1.
     shares: SVector<f64, N>,
     step: SVector<f64, N>,
 }
