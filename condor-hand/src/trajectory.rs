@@ -3,7 +3,8 @@
 //! There are three layers, and each is useful alone. Profiles are functions of time:
 //! [`Polynomial`], [`Segments`] and [`Spline`], with their exact extremes. A [`Generator`] takes a
 //! queue of [`Primitive`]s and returns set-points at the master's rate, within the limits of every
-//! joint; a [`JointStream`] makes them from points that come while the joints move. An
+//! joint; a [`JointStream`] makes them from points that come while the joints move, and a
+//! [`JointPath`] makes a primitive of a [`CartesianPath`], a line or an arc of the tip. An
 //! [`Interpolator`] computes set-points between them at the servo's rate, and stays
 //! smooth when a tick is late.
 //!

@@ -186,14 +186,14 @@ impl<const N: usize> JointPath<N> {
 
     /// The spline of each joint, over a duration of 1 s, as the motion has it.
     fn splines(&self) -> Result<Vec<Spline<KNOTS>, N>, NumberError> {
-        let times: Vec<f64, KNOTS> = shares(1).map(|(_, share)| share).collect();
         let mut splines = Vec::new();
         for joint in 0..N {
-            let positions: Vec<f64, KNOTS> = self
-                .knots
-                .iter()
-                .filter_map(|posture| posture.get(joint).copied())
-                .collect();
+            let (mut times, mut positions) = (Vec::<f64, KNOTS>::new(), Vec::<f64, KNOTS>::new());
+            for (share, posture) in self.postures() {
+                if let Some(&position) = posture.get(joint) {
+                    let _ = (times.push(share), positions.push(position));
+                }
+            }
             let spline = Spline::clamped(&times, &positions, (0.0, 0.0))
                 .map_err(|error| error.at(Subject::Joint(joint as u16)))?;
             let _ = splines.push(spline);
