@@ -1,20 +1,23 @@
-//! The position of a finger's tip, its motion with the joints, and the joints for a given position.
+//! The pose of a mechanism's tip, its motion with the joints, and the joints for a given position or pose.
 //!
 //! All vectors are in the axes of the palm; a tip is a point of the last link.
 
 mod chain;
 mod check;
+mod descent;
 mod finger;
 mod limits;
 mod nearest;
 mod null;
 mod product;
+mod reach;
 
 pub use chain::{Carrier, Chain, ChainBody, ChainJoint, ChainMotion, Following};
-pub(crate) use check::body_inertia;
+pub(crate) use check::{body_inertia, pose as check_pose};
 pub use finger::{PlanarFinger, Rod};
 pub use limits::JointLimits;
 pub use nearest::{Nearest, Side};
+pub use reach::{PoseSearch, Reach};
 
 use nalgebra::{SMatrix, SVector};
 

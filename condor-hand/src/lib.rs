@@ -56,4 +56,4 @@ pub mod hostile;
 
 pub use image::ImageError;
 pub use number::{NumberError, Requirement, Subject};
-pub use pose::{Pose, rotation_about};
+pub use pose::{Pose, rotation_about, rotation_vector};

@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, Vector3};
 
-use crate::math::sin_cos;
+use crate::math::{atan2, sin_cos, sqrt};
 
 /// The pose of a frame relative to a parent frame: its axes as the columns of a rotation matrix,
 /// and its origin in metres.
@@ -80,6 +80,40 @@ pub fn rotation_about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
         turned.z * y + s * x,
         turned.z * z + c,
     )
+}
+
+/// Returns the rotation of `rotation` as its axis times its angle, which is from 0 to π rad: the inverse of
+/// [`rotation_about`]. At π either sign of the axis is right.
+///
+/// The sine and the cosine of the angle are in the skew part of the matrix and in its trace. From a quarter turn on the
+/// axis comes from the symmetric part, since the skew part vanishes at half a turn.
+#[must_use]
+pub fn rotation_vector(rotation: &Matrix3<f64>) -> Vector3<f64> {
+    let r = rotation;
+    let skew = Vector3::new(r.m32 - r.m23, r.m13 - r.m31, r.m21 - r.m12) * 0.5;
+    let (sine, cosine) = (sqrt(skew.norm_squared()), (r.trace() - 1.0) * 0.5);
+    let angle = atan2(sine, cosine);
+    if cosine >= 0.0 {
+        // A sine whose square vanishes equals its angle.
+        return if sine > 0.0 {
+            skew * (angle / sine)
+        } else {
+            skew
+        };
+    }
+    // `(1 - c) a aᵀ`, whose longest column is along the axis.
+    let mut axis = Vector3::zeros();
+    let mut longest = 0.0;
+    let symmetric = (r + r.transpose()) * 0.5 - Matrix3::from_diagonal_element(cosine);
+    for column in symmetric.column_iter() {
+        let square = column.norm_squared();
+        if square > longest {
+            longest = square;
+            axis = column.into_owned();
+        }
+    }
+    let signed = if axis.dot(&skew) < 0.0 { -angle } else { angle };
+    axis * (signed / sqrt(longest))
 }
 
 /// The rotation of a unit quaternion.

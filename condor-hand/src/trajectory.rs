@@ -3,7 +3,8 @@
 //! There are three layers, and each is useful alone. Profiles are functions of time:
 //! [`Polynomial`], [`Segments`] and [`Spline`], with their exact extremes. A [`Generator`] takes a
 //! queue of [`Primitive`]s and returns set-points at the master's rate, within the limits of every
-//! joint; a [`JointStream`] makes them from points that come while the joints move. An
+//! joint; a [`JointStream`] makes them from points that come while the joints move, and a
+//! [`JointPath`] makes a primitive of a [`CartesianPath`], a line or an arc of the tip. An
 //! [`Interpolator`] computes set-points between them at the servo's rate, and stays
 //! smooth when a tick is late.
 //!
@@ -15,11 +16,13 @@
     reason = "what compares with a NaN is to fall on the side that refuses"
 )]
 
+mod cartesian;
 mod event;
 mod generator;
 mod guard;
 pub mod image;
 mod interpolator;
+mod joint_path;
 #[cfg(feature = "text")]
 pub mod motion;
 mod path;
@@ -45,6 +48,10 @@ pub use primitive::{
     Begin, Guards, MAX_VIAS, MotionError, MotionGuard, Observations, OnEnd, Pace, Primitive,
     Profile, Target, Via,
 };
+
+// Paths of a tip in space.
+pub use cartesian::CartesianPath;
+pub use joint_path::{JointPath, JointPathError, PathDeviation};
 
 // Points that come while the joints move.
 pub use stream::{JointStream, JointStreamError, StreamEnd, StreamPoint, StreamQuantity};

@@ -19,7 +19,7 @@ pub(super) fn position(part: Subject, at: &Vector3<f64>) -> Result<(), NumberErr
         .map_err(|error| error.at(part))
 }
 
-pub(super) fn pose(part: Subject, pose: &Pose) -> Result<(), NumberError> {
+pub(crate) fn pose(part: Subject, pose: &Pose) -> Result<(), NumberError> {
     position(part, &pose.position)?;
     let rotation = pose.rotation;
     let product = rotation.tr_mul(&rotation) - Matrix3::identity();

@@ -40,6 +40,12 @@ impl<const N: usize> JointLimits<N> {
         &self.upper
     }
 
+    /// Returns the posture in the middle of all limits, rad (m for a prismatic joint).
+    #[must_use]
+    pub fn middle(&self) -> SVector<f64, N> {
+        (self.lower + self.upper) * 0.5
+    }
+
     /// Returns `q` with each position moved to the nearest one within its limits; a NaN becomes the
     /// lower limit.
     #[must_use]

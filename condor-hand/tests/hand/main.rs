@@ -17,6 +17,7 @@ mod dynamics;
 mod dynamics_physics;
 mod kinematics;
 mod nearest;
+mod reach;
 mod transmission;
 mod wiring;
 

@@ -11,6 +11,7 @@
 #![allow(clippy::similar_names, reason = "a hand can be hard")]
 
 mod any_motion;
+mod cartesian;
 mod feed;
 mod generator;
 mod image;

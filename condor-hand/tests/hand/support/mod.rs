@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test takes what it needs")]
 
+pub(crate) mod arms;
+
 use std::path::Path;
 
 use condor_hand::Pose;
