@@ -49,7 +49,7 @@ const LEVELS: [Level; 12] = [
         numbers::functions,
         0x223e_f675_bf05_e64b,
     ),
-    level("kinematics", mechanism::kinematics, 0x6f2b_9040_bec5_ad29),
+    level("kinematics", mechanism::kinematics, 0xa3ae_7480_2698_7b29),
     level(
         "nearest postures",
         mechanism::nearest,
