@@ -15,8 +15,8 @@ mod reach;
 pub use chain::{Carrier, Chain, ChainBody, ChainJoint, ChainMotion, Following};
 pub(crate) use check::{body_inertia, pose as check_pose};
 pub use finger::{PlanarFinger, Rod};
-pub use limits::JointLimits;
-pub use nearest::{Nearest, Side};
+pub use limits::{JointLimits, Side};
+pub use nearest::Nearest;
 pub use reach::{PoseSearch, Reach};
 
 use nalgebra::{SMatrix, SVector};

@@ -11,6 +11,15 @@ pub struct JointLimits<const N: usize> {
     upper: SVector<f64, N>,
 }
 
+/// One of the two limits of a joint: the lower or the upper one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The lower limit.
+    Low,
+    /// The upper limit.
+    High,
+}
+
 impl<const N: usize> JointLimits<N> {
     /// Makes limits from the lowest and the highest position of each joint, rad (m for a prismatic
     /// joint).

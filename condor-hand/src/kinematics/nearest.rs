@@ -25,15 +25,6 @@ pub struct Nearest<const N: usize> {
     pub held: [Option<Side>; N],
 }
 
-/// One of the two limits of a joint: the lower or the upper one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// The lower limit.
-    Low,
-    /// The upper limit.
-    High,
-}
-
 impl<const N: usize> Chain<N> {
     /// Returns the posture within `limits` that brings the tip as near to `target` (m, in the palm) as a search from
     /// `present` (rad) finds. The joints go no further than they must.
