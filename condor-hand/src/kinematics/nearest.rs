@@ -3,7 +3,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::descent::Goal;
-use super::{Chain, JointLimits};
+use super::{Chain, JointLimits, Side};
 use crate::Pose;
 use crate::math::max;
 use crate::number::{NumberError, finite};
