@@ -344,22 +344,22 @@ fn what_is_no_recording_is_refused() {
         ),
         (
             changed(version, b'9'),
-            "it is not a recording of this version: its version is 9, not 6",
+            "it is not a recording of this version: its version is 9, not 7",
         ),
         (
             changed(version - 8, b'V'),
-            "it is not a recording of this version: its version is missing, not 6",
+            "it is not a recording of this version: its version is missing, not 7",
         ),
         (changed(rate, b'9'), "servo.mcap: it was recorded at"),
         (SHIPPED[..end - HEAD].to_vec(), "it ends after 900 ticks"),
         (SHIPPED[..done + 5].to_vec(), "it ends after 0 ticks"),
         (
             changed(tick - HEAD + 9, 9),
-            "after 0 ticks there is an unexpected message, of channel 9 with 120 bytes",
+            "after 0 ticks there is an unexpected message, of channel 9 with 192 bytes",
         ),
         (
             changed(tick + 1, 7),
-            "after 0 ticks there is an unexpected message, of channel 1 with 124 bytes",
+            "after 0 ticks there is an unexpected message, of channel 1 with 196 bytes",
         ),
         (
             changed(tick - HEAD + 4, 255),
