@@ -46,9 +46,8 @@ const JUMP: f64 = 0.5;
 /// // Rolls and pitches in turn: shoulder, elbow and wrist.
 /// let (roll, pitch) = (Vector3::z(), Vector3::y());
 /// let joints = [(0.3, roll), (0.0, pitch), (0.2, roll), (0.2, pitch), (0.2, roll), (0.2, pitch), (0.1, roll)];
-/// let joints = joints.map(|(height, axis)| ChainJoint {
-///     placement: Pose::at(0.0, 0.0, height),
-///     motion: ChainMotion::Revolute(axis),
+/// let joints = joints.map(|(height, axis)| {
+///     ChainJoint::new(Pose::at(0.0, 0.0, height), ChainMotion::Revolute(axis))
 /// });
 /// let arm = Chain::new(Pose::identity(), joints, [ChainBody::massless(); 7], Vector3::zeros())?;
 /// let search = PoseSearch::new(JointLimits::new(SVector::repeat(-2.5), SVector::repeat(2.5))?);
