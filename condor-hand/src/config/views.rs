@@ -372,44 +372,32 @@ impl<const JOINTS: usize, const ACTUATORS: usize> Finger<JOINTS, ACTUATORS> {
     #[must_use]
     pub fn links(&self) -> Vec<FingerLink<'_>, JOINTS> {
         let mut links = Vec::new();
-        let mut joints = self.joints.iter().enumerate().peekable();
-        loop {
-            let joint = joints.next_if(|(place, joint)| {
-                let before = place
-                    .checked_sub(1)
-                    .and_then(|before| self.joints.get(before));
-                carries(
-                    &links,
-                    joint.mount.as_ref(),
-                    before.map(|before| &before.name),
-                )
+        let before = |place: usize| self.joints.get(place.checked_sub(1)?).map(|it| &it.name);
+        let joints = self
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(place, joint)| FingerLink {
+                name: &joint.name,
+                on: carrier(joint.mount.as_ref(), before(place)),
+                mount: joint.mount.as_ref(),
+                body: joint.body.as_ref(),
+                follows: None,
             });
-            let next = match joint {
-                Some((place, joint)) => {
-                    let before = place
-                        .checked_sub(1)
-                        .and_then(|before| self.joints.get(before));
-                    Some(FingerLink {
-                        name: &joint.name,
-                        on: carrier(joint.mount.as_ref(), before.map(|before| &before.name)),
-                        mount: joint.mount.as_ref(),
-                        body: joint.body.as_ref(),
-                        follows: None,
-                    })
-                }
-                None => self.followers.iter().find_map(|follower| {
-                    let on = Some(&follower.follows.joint);
-                    let is_next = number(&links, &follower.name).is_none()
-                        && carries(&links, Some(&follower.mount), on);
-                    is_next.then(|| FingerLink {
-                        name: &follower.name,
-                        on: carrier(Some(&follower.mount), on),
-                        mount: Some(&follower.mount),
-                        body: follower.body.as_ref(),
-                        follows: Some(&follower.follows),
-                    })
-                }),
-            };
+        let mut joints = joints.peekable();
+        loop {
+            let next = joints.next_if(|joint| joint.is_next(&links));
+            let next = next.or_else(|| {
+                let followers = self.followers.iter().map(|follower| FingerLink {
+                    name: &follower.name,
+                    on: carrier(Some(&follower.mount), Some(&follower.follows.joint)),
+                    mount: Some(&follower.mount),
+                    body: follower.body.as_ref(),
+                    follows: Some(&follower.follows),
+                });
+                let mut followers = followers.filter(|follower| follower.is_next(&links));
+                followers.next()
+            });
             // Without room the rest is left out, too.
             let Some(Ok(())) = next.map(|link| links.push(link)) else {
                 return links;
@@ -447,6 +435,12 @@ pub struct FingerLink<'a> {
 }
 
 impl FingerLink<'_> {
+    /// Returns true if it can come after these links: it is none of them, and one of them or the base carries it.
+    fn is_next(&self, links: &[FingerLink<'_>]) -> bool {
+        let has = |name: &Name| number(links, name).is_some();
+        !has(self.name) && self.on.is_none_or(has)
+    }
+
     /// Returns the joint as a chain of these links has it; fixed without a mount.
     fn placed(&self, links: &[FingerLink<'_>]) -> kinematics::ChainJoint {
         let Some(mount) = self.mount else {
@@ -487,11 +481,6 @@ fn carrier<'a>(mount: Option<&'a Mount>, usual: Option<&'a Name>) -> Option<&'a 
         Some(on) => Some(on),
         None => usual,
     }
-}
-
-/// Returns true if the link that carries one with this mount is there.
-fn carries(links: &[FingerLink<'_>], mount: Option<&Mount>, usual: Option<&Name>) -> bool {
-    carrier(mount, usual).is_none_or(|on| number(links, on).is_some())
 }
 
 impl Joint {

@@ -51,13 +51,7 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
         let links = self.moved(q);
         let mut free = torque - self.torque(&links, qd, &SVector::zeros(), gravity);
         let mut mass = self.mass(&links);
-        let mut moves = [false; N];
-        for (link, joint) in self.links.iter().zip(&self.joints) {
-            if let Some(moves) = moves.get_mut(link.coordinate) {
-                *moves |= joint.motion != ChainMotion::Fixed;
-            }
-        }
-        for (i, moves) in moves.into_iter().enumerate() {
+        for (i, moves) in self.moving(|_| true).into_iter().enumerate() {
             if moves {
                 mass[(i, i)] += armature[i];
             } else {

@@ -229,7 +229,7 @@ impl<const N: usize> Chain<N> {
     /// of that link.
     ///
     /// # Errors
-    /// [`NumberError`] if there is no such joint, or a coordinate is not finite.
+    /// [`NumberError`] if the mechanism does not have the joint, or if a coordinate of the tip is not finite.
     pub fn with_tip(mut self, joint: usize, tip: Vector3<f64>) -> Result<Self, NumberError> {
         let must = Requirement::Below(count(N));
         check_number(
@@ -276,6 +276,17 @@ impl<const N: usize> Chain<N> {
         part.tip = Vector3::zeros();
         part.carry(joint);
         part
+    }
+
+    /// Returns true for each place in a vector whose number moves one of these links.
+    pub(crate) fn moving(&self, is_meant: impl Fn(&ChainLink) -> bool) -> [bool; N] {
+        let mut moving = [false; N];
+        for (link, joint) in self.links.iter().zip(&self.joints) {
+            if let Some(moves) = moving.get_mut(link.coordinate) {
+                *moves |= is_meant(link) && joint.motion != ChainMotion::Fixed;
+            }
+        }
+        moving
     }
 
     /// Returns the positions of all joints (rad or m), also of those that follow others.

@@ -70,12 +70,7 @@ impl<const N: usize> Kinematics<N> for Chain<N> {
     /// There is one if the joints that move, four or fewer, are one more than the directions in
     /// which they move the tip: with more than four joints there are always several.
     fn self_motion(&self, q: &SVector<f64, N>) -> Option<SVector<f64, N>> {
-        let mut moving = [false; N];
-        for (link, joint) in self.links.iter().zip(&self.joints) {
-            if let Some(moves) = moving.get_mut(link.coordinate) {
-                *moves |= link.carries_tip && joint.motion != ChainMotion::Fixed;
-            }
-        }
+        let moving = self.moving(|link| link.carries_tip);
         let (_, jacobian) = self.kinematics(q);
         null_direction(&jacobian.fixed_rows::<3>(0).into_owned(), &moving)
     }

@@ -141,6 +141,15 @@ impl Finger {
         *carrier.unwrap_or(&self.base)
     }
 
+    /// Returns the name of the frame of a link, or of the base that all fingers are on, and there a pose that is given in
+    /// the frame of the link, or of the finger's base.
+    pub(crate) fn placed(&self, on: Option<usize>, pose: &Pose, base: &str) -> (String, Pose) {
+        match on.and_then(|on| self.links.get(on)) {
+            Some(link) => (link.frame_name(), *pose),
+            None => (base.to_owned(), self.base.then(pose)),
+        }
+    }
+
     /// Iterates over the positions of the joints of all links, by those that move by themselves.
     pub(crate) fn positions(&self, positions: &[f64]) -> impl Iterator<Item = f64> {
         let of = |joint: usize| positions.get(joint).copied().unwrap_or(0.0);

@@ -145,19 +145,12 @@ impl<const FINGERS: usize, const JOINTS: usize, const ACTUATORS: usize> Robot
         let mut frames = Vec::new();
         for finger in &self.fingers {
             let own: Vec<f64> = positions.by_ref().take(finger.joints().count()).collect();
-            let on = |carrier: Option<usize>, pose: Pose| {
-                let carrier = carrier.and_then(|carrier| finger.links.get(carrier));
-                match carrier {
-                    Some(carrier) => (carrier.frame_name(), pose),
-                    None => (PALM.to_owned(), finger.base.then(&pose)),
-                }
-            };
             for (link, position) in finger.links.iter().zip(finger.positions(&own)) {
-                let (parent, pose) = on(link.carrier, link.moved(position));
+                let (parent, pose) = finger.placed(link.carrier, &link.moved(position), PALM);
                 frames.push(frame(&link.frame_name(), &parent, &pose));
             }
             let tip = Pose::at(finger.tip.x, finger.tip.y, finger.tip.z);
-            let (parent, tip) = on(Some(finger.tip_link), tip);
+            let (parent, tip) = finger.placed(Some(finger.tip_link), &tip, PALM);
             frames.push(frame(&finger.tip_name(), &parent, &tip));
         }
         frames

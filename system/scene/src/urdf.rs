@@ -17,22 +17,16 @@ pub(crate) fn write(name: &str, base: &str, fingers: &[Finger]) -> String {
     // A string takes everything.
     let _ = writeln!(text, "  <link name=\"{base}\"/>");
     for finger in fingers {
-        let on = |carrier: Option<usize>, pose: &Pose| {
-            let carrier = carrier.and_then(|carrier| finger.links.get(carrier));
-            match carrier {
-                Some(carrier) => (escaped(&carrier.frame_name()), *pose),
-                None => (base.to_owned(), finger.base.then(pose)),
-            }
-        };
         for link in &finger.links {
             let name = escaped(&link.frame_name());
             let _ = write!(text, "{}", body(link, &name));
-            let (parent, at) = on(link.carrier, &link.placement);
-            let _ = write!(text, "{}", joint(link, &name, &parent, &at));
+            let (parent, at) = finger.placed(link.carrier, &link.placement, base);
+            let _ = write!(text, "{}", joint(link, &name, &escaped(&parent), &at));
         }
         let name = escaped(&finger.tip_name());
         let tip = Pose::at(finger.tip.x, finger.tip.y, finger.tip.z);
-        let (parent, tip) = on(Some(finger.tip_link), &tip);
+        let (parent, tip) = finger.placed(Some(finger.tip_link), &tip, base);
+        let parent = escaped(&parent);
         let _ = writeln!(text, "  <link name=\"{name}\"/>");
         let _ = writeln!(text, "  <joint name=\"{name}_joint\" type=\"fixed\">");
         let _ = writeln!(

@@ -238,19 +238,21 @@ impl<const J: usize, const A: usize> Finger<J, A> {
         else {
             return Ok(());
         };
-        let place = usize::from(joint);
-        let name = self.joints.get(place).map(|joint| joint.name.clone());
-        let at = at.joint(place, &name.unwrap_or_default());
         let rule = "give it an `adc`, or give actuators that move it an `encoder`";
-        Err(at.words("", "measured by no sensor", rule))
+        Err(self
+            .at_joint(at, joint.into())
+            .words("", "measured by no sensor", rule))
+    }
+
+    /// The joint of a number.
+    fn at_joint(&self, at: &At, joint: usize) -> At {
+        let name = self.joints.get(joint).map(|joint| joint.name.clone());
+        at.joint(joint, &name.unwrap_or_default())
     }
 
     /// Checks that each joint can have torques of its own, and none.
     fn check_torques(&self, at: &At) -> Result<(), Mistake> {
-        let at_joint = |joint: usize| {
-            let name = self.joints.get(joint).map(|joint| joint.name.clone());
-            at.joint(joint, &name.unwrap_or_default())
-        };
+        let at_joint = |joint: usize| self.at_joint(at, joint);
         for (place, joint) in self.joints.iter().enumerate() {
             if self
                 .actuators
