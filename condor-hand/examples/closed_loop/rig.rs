@@ -73,7 +73,10 @@ impl Simulated {
     }
 
     fn state(&self) -> HandState {
-        self.hand.fingers().map(|finger| finger.readings())
+        self.hand
+            .fingers()
+            .each_ref()
+            .map(|finger| finger.readings())
     }
 }
 

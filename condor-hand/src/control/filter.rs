@@ -85,20 +85,21 @@ impl<const L: usize> LowPass<L> {
 
     /// The same for signals that have a sample; the others answer with what was given for them.
     #[inline(always)]
-    pub(crate) fn update_seen(&mut self, samples: &[f64; L], sampled: &[bool; L]) -> [f64; L] {
+    pub(crate) fn update_seen(&mut self, samples: &[f64; L], sampled: &[bool]) -> [f64; L] {
         let mut outputs = *samples;
-        for (lane, output) in outputs.iter_mut().enumerate() {
-            let (true, Some(alpha)) = (sampled[lane], self.alpha[lane]) else {
+        let filters = self.alpha.iter().zip(&mut self.output);
+        for ((output, (alpha, last)), sampled) in outputs.iter_mut().zip(filters).zip(sampled) {
+            let (true, Some(alpha)) = (*sampled, alpha) else {
                 continue;
             };
-            let next = match self.output[lane] {
+            let next = match *last {
                 Some(last) => last + alpha * (*output - last),
                 None => *output,
             };
             if is_finite(next) {
-                self.output[lane] = Some(flush(next));
+                *last = Some(flush(next));
             }
-            *output = self.output[lane].unwrap_or(0.0);
+            *output = last.unwrap_or(0.0);
         }
         outputs
     }

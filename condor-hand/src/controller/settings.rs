@@ -11,8 +11,8 @@ use crate::fault::{
 };
 use crate::math::{abs, max, min};
 use crate::servo::{
-    ActuatorSettings, EffortGains, FingerSettings, JointCutoffs, JointGains, JointSettings,
-    PositionLaw, SoftStop,
+    ActuatorSettings, FingerSettings, JointCutoffs, JointGains, JointSettings, PositionLaw,
+    SoftStop,
 };
 
 /// A sensor of this many counts moves by noise.
@@ -28,21 +28,15 @@ impl<const N: usize, const A: usize> Finger<N, A> {
     /// Returns the settings from which the finger's servos are made. `sample_hz` is the number of
     /// servo ticks per second. `transition_s` is the time over which a step of efforts is spread,
     /// s.
-    ///
-    /// Joints and actuators that the finger does not have do nothing.
     #[must_use]
     pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<N, A> {
         let resolutions = self.resolutions();
+        let joints = self.joints.iter().zip(&resolutions);
         FingerSettings {
-            joints: core::array::from_fn(|place| {
-                let resolution = resolutions.get(place).copied().unwrap_or(0.0);
-                let joint = self.joints.get(place);
-                joint.map_or(absent(sample_hz), |joint| joint.settings(resolution))
-            }),
-            actuators: core::array::from_fn(|place| {
-                let actuator = self.actuators.get(place);
-                actuator.map_or(NO_ACTUATOR, Actuator::settings)
-            }),
+            joints: joints
+                .map(|(joint, resolution)| joint.settings(*resolution))
+                .collect(),
+            actuators: self.actuators.iter().map(Actuator::settings).collect(),
             drive: DriveDynamics {
                 armature: self.each(|joint| joint.friction.armature),
                 viscous: self.each(|joint| joint.friction.viscous),
@@ -272,36 +266,5 @@ impl<const N: usize> Actuator<N> {
             is_sensed: self.adc.is_some(),
             cutoff_hz: self.cutoff_hz,
         }
-    }
-}
-
-/// The settings of an actuator that the finger does not have.
-const NO_ACTUATOR: ActuatorSettings = ActuatorSettings {
-    gains: EffortGains {
-        kp: 0.0,
-        ki: 0.0,
-        kd: 0.0,
-        kv: 0.0,
-    },
-    is_sensed: false,
-    cutoff_hz: None,
-};
-
-/// The settings of a joint that the finger does not have.
-fn absent(sample_hz: f64) -> JointSettings {
-    JointSettings {
-        gains: JointGains {
-            law: PositionLaw::ComputedTorque {
-                bandwidth_hz: 0.0,
-                damping_ratio: 0.0,
-            },
-            k_torque: 0.0,
-        },
-        stop: SoftStop::default(),
-        rate_change: f64::MAX,
-        resolution_rad: 0.0,
-        frozen_rad: f64::MAX,
-        position_cutoff_hz: None,
-        velocity_cutoff_hz: sample_hz / 4.0,
     }
 }

@@ -71,7 +71,7 @@ impl<const N: usize> Chain<N> {
     #[inline(always)]
     fn moved(&self, q: &SVector<f64, N>) -> [Link; N] {
         let mut links = [Link::none(); N];
-        let all = links.iter_mut().zip(&self.joints).zip(&self.links);
+        let all = links.iter_mut().zip(&self.joints).zip(self.links());
         for ((link, joint), place) in all {
             *link = Link::of(joint, place.position(q));
         }
@@ -94,7 +94,7 @@ impl<const N: usize> Chain<N> {
         };
         let mut motions = [base; N];
         let mut loads = [(Vector3::zeros(), Vector3::zeros()); N];
-        for (i, place) in self.links.iter().enumerate() {
+        for (i, place) in self.links().iter().enumerate() {
             let carrier = place.carrier.and_then(|carrier| motions.get(carrier));
             let motion = links[i].motion(carrier.unwrap_or(&base), place.rate(qd), place.rate(qdd));
             loads[i] = load_of(&self.bodies[i], &motion);
@@ -102,7 +102,7 @@ impl<const N: usize> Chain<N> {
         }
 
         let mut torques = [0.0; N];
-        for (i, place) in self.links.iter().enumerate().rev() {
+        for (i, place) in self.links().iter().enumerate().rev() {
             let (force, moment) = loads[i];
             if let Some(torque) = torques.get_mut(place.coordinate) {
                 *torque += place.ratio * links[i].torque(&force, &moment);
@@ -119,7 +119,7 @@ impl<const N: usize> Chain<N> {
     fn mass(&self, links: &[Link; N]) -> SMatrix<f64, N, N> {
         let mut composites = [Composite::nothing(); N];
         let mut mass = SMatrix::<f64, N, N>::zeros();
-        for (i, place) in self.links.iter().enumerate().rev() {
+        for (i, place) in self.links().iter().enumerate().rev() {
             composites[i].add(&self.bodies[i]);
             let composite = composites[i];
             let mut link = &links[i];

@@ -131,6 +131,8 @@ pub struct Chain<const N: usize> {
     pub(crate) bodies: [ChainBody; N],
     pub(crate) tip: Vector3<f64>,
     pub(crate) links: [ChainLink; N],
+    /// The number of links without those at the end that neither move nor have a mass.
+    count: usize,
 }
 
 /// The place of a link in a mechanism, and the number that moves it.
@@ -203,15 +205,26 @@ impl<const N: usize> Chain<N> {
         bodies: [ChainBody; N],
         (tip_link, tip): (usize, Vector3<f64>),
     ) -> Self {
+        let mut all = joints.iter().zip(&bodies);
+        let counts = |(joint, body): (&ChainJoint, &ChainBody)| {
+            joint.motion != ChainMotion::Fixed || *body != ChainBody::massless()
+        };
         let mut chain = Self {
             base,
             joints,
             bodies,
             tip,
             links: links(&joints),
+            count: all.rposition(counts).map_or(0, |last| last + 1),
         };
         chain.carry(tip_link);
         chain
+    }
+
+    /// The links without those at the end that neither move nor have a mass: they add nothing to torques.
+    #[inline(always)]
+    pub(crate) fn links(&self) -> &[ChainLink] {
+        self.links.get(..self.count).unwrap_or(&self.links)
     }
 
     /// Marks the links between the base and the link that has the tip.

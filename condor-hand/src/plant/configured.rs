@@ -6,7 +6,6 @@ use super::{
     AxisParameters, DriveKind, FingerParameters, HandParameters, JointParameters, SimDrive,
     SimFinger, SimStop, SimSurface, SimTable,
 };
-use crate::config::JointFriction;
 use crate::dynamics::Dynamics;
 use crate::math::{abs, max};
 use crate::transmission::Transmission;
@@ -98,25 +97,23 @@ fn time_constant_s(pole_hz: f64) -> f64 {
 
 impl PlantModel {
     /// Returns the parameters of the simulation of a configured finger, except for its mechanism and
-    /// its transmission. Joints and actuators that the finger does not have do nothing.
+    /// its transmission.
     #[must_use]
     pub fn finger_parameters<const N: usize, const A: usize>(
         &self,
         finger: &config::Finger<N, A>,
     ) -> FingerParameters<N, A> {
         FingerParameters {
-            joints: core::array::from_fn(|place| {
-                finger
-                    .joints
-                    .get(place)
-                    .map_or(self.nothing(), |joint| self.joint(joint))
-            }),
-            drives: core::array::from_fn(|place| {
-                let actuator = finger.actuators.get(place);
-                actuator.map_or(self.drive((0.0, 0.0), 1.0), |actuator| {
-                    self.drive(actuator.limits().command_range(), actuator.pole_hz)
-                })
-            }),
+            joints: finger
+                .joints
+                .iter()
+                .map(|joint| self.joint(joint))
+                .collect(),
+            drives: finger
+                .actuators
+                .iter()
+                .map(|actuator| self.drive(actuator))
+                .collect(),
         }
     }
 
@@ -219,31 +216,19 @@ impl PlantModel {
         }
         JointParameters {
             friction,
-            range: (joint.limits.low, joint.limits.high),
-            ..self.nothing()
-        }
-    }
-
-    /// A joint that stays where it is.
-    fn nothing(&self) -> JointParameters {
-        JointParameters {
-            friction: JointFriction {
-                armature: 1.0,
-                coulomb_rate: 1.0,
-                ..JointFriction::default()
-            },
             stiffness: 0.0,
             rest: 0.0,
-            range: (-1.0, 1.0),
+            range: (joint.limits.low, joint.limits.high),
             stop: self.joint_stop,
         }
     }
 
-    fn drive(&self, (low, high): (f64, f64), pole_hz: f64) -> SimDrive {
+    fn drive<const N: usize>(&self, actuator: &config::Actuator<N>) -> SimDrive {
+        let (low, high) = actuator.limits().command_range();
         SimDrive {
             low,
             high,
-            kind: (self.actuator)(pole_hz),
+            kind: (self.actuator)(actuator.pole_hz),
         }
     }
 }

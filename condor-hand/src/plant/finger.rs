@@ -1,3 +1,4 @@
+use heapless::Vec;
 use nalgebra::{SVector, Vector3};
 
 use super::check::all_finite;
@@ -10,12 +11,12 @@ use crate::servo::FingerReadings;
 use crate::transmission::{Linear, Transmission};
 
 /// The parameters of a [`SimFinger`], except for its mechanism and its transmission.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FingerParameters<const N: usize, const A: usize> {
-    /// The parameters of the joints, proximal first.
-    pub joints: [JointParameters; N],
-    /// The actuators, in the order of the transmission.
-    pub drives: [SimDrive; A],
+    /// The parameters of the joints that the finger has, proximal first.
+    pub joints: Vec<JointParameters, N>,
+    /// The actuators that it has, in the order of the transmission.
+    pub drives: Vec<SimDrive, A>,
 }
 
 /// A simulated finger: a mechanism `M` of N joints that A actuators move by a transmission `T`.
@@ -34,7 +35,7 @@ pub struct FingerParameters<const N: usize, const A: usize> {
 /// assert!(finger.qd()[1] > 0.0);
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct SimFinger<M, T, const N: usize, const A: usize> {
     mechanism: M,
     transmission: T,
@@ -76,8 +77,11 @@ where
             drives: [DriveState::Effort(0.0); A],
             efforts: [0.0; A],
         };
-        let at_rest = finger.parameters.drives;
-        finger.reset(q, at_rest.map(|drive| clamp(0.0, drive.low, drive.high)))?;
+        let mut at_rest = [0.0; A];
+        for (effort, drive) in at_rest.iter_mut().zip(&finger.parameters.drives) {
+            *effort = clamp(0.0, drive.low, drive.high);
+        }
+        finger.reset(q, at_rest)?;
         finger.accelerations(&Vector3::zeros(), &SVector::zeros(), &SVector::zeros())?;
         Ok(finger)
     }
@@ -148,17 +152,17 @@ where
         let (drives, efforts) = self.drive(dt, commands);
         let mut applied: SVector<f64, N> = self.linear().torque(&efforts) + torque;
         let mut armature = SVector::<f64, N>::zeros();
-        for (joint, parameters) in self.parameters.joints.iter().enumerate() {
-            let (Some(&q), Some(&qd)) = (self.q.get(joint), self.qd.get(joint)) else {
-                continue;
-            };
-            let passive = parameters.passive(q, qd, self.load(joint, &efforts));
-            if let Some(applied) = applied.get_mut(joint) {
-                *applied += passive.torque;
-            }
-            if let Some(armature) = armature.get_mut(joint) {
-                *armature = dt * passive.slope;
-            }
+        let loads = self.loads(&efforts);
+        let state = self.q.as_slice().iter().zip(self.qd.as_slice()).zip(&loads);
+        let places = applied
+            .as_mut_slice()
+            .iter_mut()
+            .zip(armature.as_mut_slice());
+        let joints = self.parameters.joints.iter().zip(state.zip(places));
+        for (parameters, (((&q, &qd), &load), (applied, armature))) in joints {
+            let passive = parameters.passive(q, qd, load);
+            *applied += passive.torque;
+            *armature = dt * passive.slope;
         }
         let qdd = self.accelerations(gravity, &applied, &armature)?;
         let qd = self.qd + qdd * dt;
@@ -176,22 +180,26 @@ where
 
     /// The drives after an update, and the efforts that act during it.
     fn drive(&self, dt: f64, commands: &[f64; A]) -> ([DriveState; A], [f64; A]) {
-        let (mut states, mut efforts) = (self.drives, *commands);
+        let (mut states, mut efforts) = (self.drives, [0.0; A]);
         let rates = self.linear().actuators(&self.qd);
         let drives = self.parameters.drives.iter().zip(&mut states);
-        for ((effort, rate), (drive, state)) in efforts.iter_mut().zip(rates).zip(drives) {
-            *effort = drive.update(state, *effort, rate, dt);
+        let asked = efforts.iter_mut().zip(commands).zip(rates);
+        for ((drive, state), ((effort, &command), rate)) in drives.zip(asked) {
+            *effort = drive.update(state, command, rate, dt);
         }
         (states, efforts)
     }
 
-    /// The torques of the efforts at a joint without their signs, N m.
-    fn load(&self, joint: usize, efforts: &[f64; A]) -> f64 {
+    /// The torques of the efforts at each joint without their signs, N m.
+    fn loads(&self, efforts: &[f64; A]) -> [f64; N] {
+        let mut loads = [0.0; N];
         let columns = self.linear().arms().iter().zip(efforts);
-        columns.fold(0.0, |sum, (arms, effort)| {
-            let arm = arms.get(joint).copied().unwrap_or(0.0);
-            sum + abs(arm * effort)
-        })
+        for (arms, effort) in columns.take(self.parameters.drives.len()) {
+            for (load, arm) in loads.iter_mut().zip(arms) {
+                *load += abs(arm * effort);
+            }
+        }
+        loads
     }
 
     /// Returns the arms of the actuators at the present posture.

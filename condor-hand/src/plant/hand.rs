@@ -28,7 +28,7 @@ pub struct HandParameters {
 
 /// A simulated hand of F fingers of N joints. Optionally it has an object that the fingertips can
 /// touch, and a table that carries the palm.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct SimHand<M, T, const F: usize, const N: usize, const A: usize> {
     parameters: HandParameters,
     fingers: [SimFinger<M, T, N, A>; F],

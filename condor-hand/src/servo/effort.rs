@@ -108,10 +108,11 @@ impl<const A: usize> EffortServos<A> {
     /// Runs one tick of all servos, and returns the commands of the actuators, N or N m. `desired` and `measured` are
     /// efforts, N or N m, and `rate` are the rates of the actuators, m/s or rad/s.
     pub fn update(&mut self, desired: &[f64; A], measured: &[f64; A], rate: &[f64; A]) -> [f64; A] {
-        self.update_after(desired, measured, rate, Elapsed::period(self.sample_hz))
+        self.update_after(desired, measured, rate, Elapsed::period(self.sample_hz), A)
     }
 
-    /// The same for samples so long after the last ones.
+    /// The same for samples so long after the last ones, and for the first `count` actuators. The commands of the others
+    /// are zero.
     #[inline(always)]
     pub(crate) fn update_after(
         &mut self,
@@ -119,9 +120,10 @@ impl<const A: usize> EffortServos<A> {
         measured: &[f64; A],
         rate: &[f64; A],
         elapsed: Elapsed,
+        count: usize,
     ) -> [f64; A] {
         let mut command = [0.0; A];
-        for i in 0..A {
+        for i in 0..count.min(A) {
             let EffortGains { kp, ki, kd, kv } = self.gains[i];
             let (low, high) = self.ranges[i];
             let is_measured = is_finite(measured[i]);

@@ -1,3 +1,4 @@
+use heapless::Vec;
 use nalgebra::{SVector, Vector3};
 
 use super::impedance::least_inertias;
@@ -13,7 +14,7 @@ use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, LowPass};
 use crate::dynamics::{DriveDynamics, Dynamics};
 use crate::math::is_finite;
-use crate::number::{NumberError, Requirement, count, positive};
+use crate::number::{NumberError, positive};
 use crate::trajectory::SetPoint;
 use crate::transmission::{EffortLimits, Linear, Transmission};
 
@@ -64,11 +65,11 @@ pub struct FingerServo<M, T, const N: usize, const A: usize> {
     /// The joint to which each actuator belongs; `None` for one that moves nothing.
     owners: [Option<usize>; A],
     drive: DriveDynamics<N>,
-    joints: [JointServo; N],
+    joints: Vec<JointServo, N>,
     actuators: EffortServos<A>,
     effort_filters: LowPass<A>,
-    /// Actuators whose effort a sensor measures.
-    sensed: [bool; A],
+    /// Whether a sensor measures the effort of each actuator that the finger has.
+    sensed: Vec<bool, A>,
     position_filters: LowPass<N>,
     velocities: Derivative<N>,
     sample_hz: f64,
@@ -107,7 +108,7 @@ where
         positive("the number of ticks in a second", settings.sample_hz)?;
         positive("the time of a transition, s,", settings.transition_s)?;
         let sample_hz = settings.sample_hz;
-        let mut joints = heapless::Vec::<_, N>::new();
+        let mut joints = Vec::new();
         let inertias = least_inertias(&mechanism, settings);
         let linear = transmission.linear();
         let all = settings.joints.iter().zip(inertias);
@@ -120,23 +121,20 @@ where
             // There is room for N.
             let _ = joints.push(servo);
         }
-        let value = count(joints.len());
-        let Ok(joints) = joints.into_array() else {
-            return Err(NumberError {
-                at: Subject::Whole,
-                what: "the number of joints",
-                value,
-                must: Requirement::Equal(count(N)),
-            });
-        };
-        let position_cutoffs_hz = settings.joints.map(|joint| joint.position_cutoff_hz);
-        let velocity_cutoffs_hz = settings.joints.map(|joint| joint.velocity_cutoff_hz);
+        let (mut position_cutoffs_hz, mut velocity_cutoffs_hz) = ([None; N], [sample_hz / 4.0; N]);
+        let cutoffs_hz = position_cutoffs_hz.iter_mut().zip(&mut velocity_cutoffs_hz);
+        for ((position, velocity), joint) in cutoffs_hz.zip(&settings.joints) {
+            (*position, *velocity) = (joint.position_cutoff_hz, joint.velocity_cutoff_hz);
+        }
         for (actuator, settings) in settings.actuators.iter().enumerate() {
             LowPass::new([settings.cutoff_hz], sample_hz)
                 .map_err(|error| error.at(Subject::Actuator(actuator as u16)))?;
         }
-        let gains = settings.actuators.map(|actuator| actuator.gains);
-        let effort_cutoffs_hz = settings.actuators.map(|actuator| actuator.cutoff_hz);
+        let (mut gains, mut effort_cutoffs_hz) = ([EffortGains::default(); A], [None; A]);
+        let all = gains.iter_mut().zip(&mut effort_cutoffs_hz);
+        for ((gains, cutoff_hz), actuator) in all.zip(&settings.actuators) {
+            (*gains, *cutoff_hz) = (actuator.gains, actuator.cutoff_hz);
+        }
         let actuators = EffortServos::new(gains, linear.limits(), sample_hz)?;
         let desired = linear.at_rest();
         let owners = core::array::from_fn(|actuator| linear.joint_of(actuator));
@@ -148,7 +146,11 @@ where
             joints,
             actuators,
             effort_filters: LowPass::new(effort_cutoffs_hz, sample_hz)?,
-            sensed: settings.actuators.map(|actuator| actuator.is_sensed),
+            sensed: settings
+                .actuators
+                .iter()
+                .map(|actuator| actuator.is_sensed)
+                .collect(),
             position_filters: LowPass::new(position_cutoffs_hz, sample_hz)?,
             velocities: Derivative::new(velocity_cutoffs_hz, sample_hz)?,
             sample_hz,
@@ -183,8 +185,8 @@ where
         self.owners.get(actuator).copied().flatten()
     }
 
-    /// Returns true for an actuator whose effort a sensor measures.
-    pub(crate) const fn sensed(&self) -> &[bool; A] {
+    /// Returns, for each actuator that the finger has, whether a sensor measures its effort.
+    pub(crate) fn sensed(&self) -> &[bool] {
         &self.sensed
     }
 
@@ -543,9 +545,8 @@ where
                 *felt = f64::NAN;
             }
         }
-        let command = self
-            .actuators
-            .update_after(&self.desired, &felt, &rates, elapsed);
+        let count = self.sensed.len();
+        let command = (self.actuators).update_after(&self.desired, &felt, &rates, elapsed, count);
         ServoOutput {
             command,
             effort: self.desired,
@@ -576,7 +577,7 @@ where
         let (mut asked, active) = (u32::MAX, self.active());
         let linear = self.transmission.linear();
         let mut limits = *linear.limits();
-        if active == u32::MAX >> (32 - N) {
+        if active.count_ones() as usize == self.joints.len() {
             return (asked, limits);
         }
         for (joint, servo) in self.joints.iter().enumerate() {
@@ -606,6 +607,9 @@ where
         elapsed: Elapsed,
     ) -> (SVector<f64, N>, SVector<f64, N>) {
         let [mut positions] = sensed.data.0;
+        for absent in positions.iter_mut().skip(self.joints.len()) {
+            *absent = 0.0;
+        }
         let (mut targets, mut seen) = (positions, [false; N]);
         for ((target, seen), servo) in targets.iter_mut().zip(&mut seen).zip(&self.joints) {
             (*target, *seen) = (servo.target_position(), servo.seen);
@@ -701,12 +705,16 @@ where
         // Terms that no law asks for are not computed.
         let (mut computed, mut falls, mut moves, mut turns) = (false, false, false, false);
         let (mut acceleration, mut asked) = ([0.0; N], [0.0; N]);
-        for (joint, servo) in self.joints.iter().enumerate() {
+        let places = asked.iter_mut().zip(&mut acceleration);
+        let felt = position.as_slice().iter().zip(velocity.as_slice());
+        for (servo, ((asked, acceleration), (&position, &velocity))) in
+            self.joints.iter().zip(places.zip(felt))
+        {
             match (servo.target, servo.gains.law) {
                 (JointTarget::Position(point), law) => {
                     moves = true;
-                    asked[joint] = point.velocity;
-                    acceleration[joint] = servo.acceleration(position[joint], velocity[joint]);
+                    *asked = point.velocity;
+                    *acceleration = servo.acceleration(position, velocity);
                     match law {
                         PositionLaw::ComputedTorque { .. } => computed = true,
                         PositionLaw::Pd { .. } => falls = true,
@@ -759,17 +767,28 @@ where
         let stop = self.stops(position, velocity);
 
         let mut torque = zero;
-        for (joint, servo) in self.joints.iter_mut().enumerate() {
-            torque[joint] = servo.torque(&Felt {
-                position: position[joint],
-                rate: velocity[joint],
-                torque: measured[joint],
-                inverse: inverse[joint],
-                gravity: weight[joint],
-                friction: friction[joint],
-                stop: stop[joint],
-                period,
-            });
+        let ([positions], [rates], [measured]) =
+            (&position.data.0, &velocity.data.0, &measured.data.0);
+        let ([inverse], [weight], [friction], [stop]) = (
+            &inverse.data.0,
+            &weight.data.0,
+            &friction.data.0,
+            &stop.data.0,
+        );
+        let [torques] = &mut torque.data.0;
+        for joint in 0..self.joints.len().min(N) {
+            if let Some(servo) = self.joints.get_mut(joint) {
+                torques[joint] = servo.torque(&Felt {
+                    position: positions[joint],
+                    rate: rates[joint],
+                    torque: measured[joint],
+                    inverse: inverse[joint],
+                    gravity: weight[joint],
+                    friction: friction[joint],
+                    stop: stop[joint],
+                    period,
+                });
+            }
         }
         torque
     }
@@ -778,8 +797,13 @@ where
     #[inline(always)]
     fn stops(&self, position: &SVector<f64, N>, velocity: &SVector<f64, N>) -> SVector<f64, N> {
         let mut inwards = SVector::<f64, N>::zeros();
-        for (joint, servo) in self.joints.iter().enumerate() {
-            inwards[joint] = servo.stop(position[joint], velocity[joint]);
+        let felt = position.as_slice().iter().zip(velocity.as_slice());
+        for (servo, (inwards, (&position, &velocity))) in self
+            .joints
+            .iter()
+            .zip(inwards.as_mut_slice().iter_mut().zip(felt))
+        {
+            *inwards = servo.stop(position, velocity);
         }
         let zero = SVector::zeros();
         if inwards == zero {

@@ -13,6 +13,8 @@ const NOISE: f64 = 3.0;
 /// stands while the joint went, and its set-point went on. A joint goes on at its rate meanwhile.
 #[derive(Clone, Debug)]
 pub(super) struct Readings<const N: usize> {
+    /// The number of joints; the places after them are empty.
+    count: usize,
     /// By which a rate changes at most, rad/s.
     change: [f64; N],
     resolution: [f64; N],
@@ -36,12 +38,16 @@ pub(super) struct Readings<const N: usize> {
 pub(super) type UnseenMotion = Option<(f64, f64)>;
 
 impl<const N: usize> Readings<N> {
-    pub(super) fn new(joints: &[JointSettings; N]) -> Self {
+    pub(super) fn new(joints: &[JointSettings]) -> Self {
         let none = [0.0; N];
+        let each = |number: fn(&JointSettings) -> f64| {
+            core::array::from_fn(|joint| joints.get(joint).map_or(0.0, number))
+        };
         Self {
-            change: joints.map(|joint| joint.rate_change),
-            resolution: joints.map(|joint| joint.resolution_rad),
-            frozen: joints.map(|joint| joint.frozen_rad),
+            count: joints.len(),
+            change: each(|joint| joint.rate_change),
+            resolution: each(|joint| joint.resolution_rad),
+            frozen: each(|joint| joint.frozen_rad),
             last: none,
             away: none,
             silent: none,
@@ -67,7 +73,7 @@ impl<const N: usize> Readings<N> {
     ) -> [UnseenMotion; N] {
         let mut unseen = [None; N];
         self.lost = 0;
-        for lane in 0..N {
+        for lane in 0..self.count.min(N) {
             let position = positions[lane];
             let is_number = is_finite(position);
             self.away[lane] += elapsed.seconds;

@@ -1,4 +1,6 @@
 use super::{EffortGains, PositionLaw, SoftStop};
+use heapless::Vec;
+
 use crate::dynamics::DriveDynamics;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 
@@ -54,12 +56,12 @@ pub(crate) struct JointCutoffs {
 }
 
 /// All settings of a [`FingerServo`](super::FingerServo), except for its mechanism and its transmission.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FingerSettings<const N: usize, const A: usize> {
-    /// The joints, proximal first.
-    pub joints: [JointSettings; N],
-    /// The actuators, in the order of the transmission.
-    pub actuators: [ActuatorSettings; A],
+    /// The joints that the finger has, proximal first.
+    pub joints: Vec<JointSettings, N>,
+    /// The actuators that it has, in the order of the transmission.
+    pub actuators: Vec<ActuatorSettings, A>,
     /// The inertia and friction of the drives, for feed-forward.
     pub drive: DriveDynamics<N>,
     /// The rate of the servo's ticks, Hz.

@@ -26,6 +26,8 @@ pub struct Linear<const N: usize, const A: usize> {
     /// The arms, each row of the matrix divided by its length.
     scaled: [[f64; N]; A],
     rows: Rows<N>,
+    /// The number of actuators without those at the end that have no arms.
+    actuators: usize,
 }
 
 /// The efforts for the torques of N joints, and the torques that they produce.
@@ -73,11 +75,13 @@ impl<const N: usize, const A: usize> Linear<N, A> {
             value: 0.0,
             must: Requirement::AtLeast(1.0),
         })?;
+        let moves = |column: &[f64; N]| column.iter().any(|&arm| arm != 0.0);
         Ok(Self {
             arms,
             limits,
             scaled,
             rows,
+            actuators: arms.iter().rposition(moves).map_or(0, |last| last + 1),
         })
     }
 
@@ -142,7 +146,7 @@ impl<const N: usize, const A: usize> Linear<N, A> {
     #[must_use]
     pub fn torque(&self, effort: &[f64; A]) -> SVector<f64, N> {
         let mut torques = [0.0; N];
-        for (column, effort) in self.arms.iter().zip(effort) {
+        for (column, effort) in self.arms.iter().zip(effort).take(self.actuators) {
             for (torque, arm) in torques.iter_mut().zip(column) {
                 *torque += arm * effort;
             }
@@ -170,10 +174,13 @@ impl<const N: usize, const A: usize> Linear<N, A> {
     #[must_use]
     pub fn actuators(&self, joints: &SVector<f64, N>) -> [f64; A] {
         let [joints] = &joints.data.0;
-        self.arms.map(|column| {
+        let mut actuators = [0.0; A];
+        let places = actuators.iter_mut().zip(&self.arms);
+        for (actuator, column) in places.take(self.actuators) {
             let of_joints = column.iter().zip(joints);
-            of_joints.fold(0.0, |sum, (arm, joint)| sum + arm * joint)
-        })
+            *actuator = of_joints.fold(0.0, |sum, (arm, joint)| sum + arm * joint);
+        }
+        actuators
     }
 
     /// Returns the efforts for torques of the joints (N m, or N for a sliding joint). Of all efforts within the limits
@@ -211,13 +218,15 @@ impl<const N: usize, const A: usize> Linear<N, A> {
                 steps: 0,
             };
         }
-        let mut actuated = [Actuated::default(); A];
+        // Actuators without arms have what they prefer.
+        let mut actuated = limits.map(Actuated::preferred);
         let arms = Arms {
-            columns: &self.scaled,
+            columns: self.scaled.get(..self.actuators).unwrap_or(&self.scaled),
             limits,
             rows: &self.rows,
         };
-        let choice = arms.choose(asked, joints, &mut actuated);
+        let moving = actuated.get_mut(..self.actuators).unwrap_or_default();
+        let choice = arms.choose(asked, joints, moving);
         let effort = actuated.map(|actuator| actuator.effort);
         let mut torque = *torque;
         let made = self.torque(&effort);

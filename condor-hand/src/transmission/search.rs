@@ -58,11 +58,11 @@ const MISSING_NEAREST: f64 = 1e-5;
 
 /// The arms of actuators at N joints, made ready for [`choose`](Arms::choose).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Arms<'a, const N: usize, const A: usize> {
+pub(super) struct Arms<'a, const N: usize> {
     /// A column for each actuator. Each row is divided by its length.
-    pub(super) columns: &'a [[f64; N]; A],
+    pub(super) columns: &'a [[f64; N]],
     /// The limits of the actuators.
-    pub(super) limits: &'a [EffortLimits; A],
+    pub(super) limits: &'a [EffortLimits],
     pub(super) rows: &'a Rows<N>,
 }
 
@@ -84,6 +84,17 @@ pub(super) struct Actuated {
     rate: f64,
     /// The effort within the limits, N or N m.
     pub(super) effort: f64,
+}
+
+impl Actuated {
+    /// The effort of an actuator of which nothing is asked but its limits.
+    #[inline(always)]
+    pub(super) fn preferred(limits: EffortLimits) -> Self {
+        Self {
+            effort: limits.clamp(limits.bias),
+            ..Self::default()
+        }
+    }
 }
 
 /// The result of [`Arms::choose`], beside the efforts.
@@ -161,10 +172,10 @@ impl<const N: usize> Rows<N> {
     }
 }
 
-impl<'a, const N: usize, const A: usize> Arms<'a, N, A> {
+impl<'a, const N: usize> Arms<'a, N> {
     /// The column and the limits of each actuator.
     #[inline(always)]
-    fn actuators(&self) -> impl Iterator<Item = (&'a [f64; N], &'a EffortLimits)> + use<'a, N, A> {
+    fn actuators(&self) -> impl Iterator<Item = (&'a [f64; N], &'a EffortLimits)> + use<'a, N> {
         self.columns.iter().zip(self.limits)
     }
 
@@ -174,7 +185,7 @@ impl<'a, const N: usize, const A: usize> Arms<'a, N, A> {
         &self,
         torques: &[f64; N],
         joints: u32,
-        actuated: &mut [Actuated; A],
+        actuated: &mut [Actuated],
     ) -> Choice {
         let mut search = Search {
             arms: *self,
@@ -201,8 +212,8 @@ impl<'a, const N: usize, const A: usize> Arms<'a, N, A> {
 }
 
 /// The search for the multipliers.
-struct Search<'a, const N: usize, const A: usize> {
-    arms: Arms<'a, N, A>,
+struct Search<'a, const N: usize> {
+    arms: Arms<'a, N>,
     /// The torques, divided by the lengths of the rows.
     wanted: [f64; N],
     joints: u32,
@@ -210,10 +221,10 @@ struct Search<'a, const N: usize, const A: usize> {
     weight: f64,
 }
 
-impl<const N: usize, const A: usize> Search<'_, N, A> {
+impl<const N: usize> Search<'_, N> {
     /// The efforts as if there were no limits. Returns true if they are within the limits.
     #[inline(always)]
-    fn without_limits(&mut self, actuated: &mut [Actuated; A]) -> bool {
+    fn without_limits(&mut self, actuated: &mut [Actuated]) -> bool {
         let mut rest = self.wanted;
         for (column, limits) in self.arms.actuators() {
             subtract(&mut rest, column, limits.bias);
@@ -229,7 +240,7 @@ impl<const N: usize, const A: usize> Search<'_, N, A> {
     }
 
     /// The efforts within the limits.
-    fn choose(&mut self, actuated: &mut [Actuated; A]) -> Choice {
+    fn choose(&mut self, actuated: &mut [Actuated]) -> Choice {
         let mut saturated = self.limit();
         // Torques that are not possible may have been too large for numbers.
         if saturated != 0 {
@@ -275,7 +286,7 @@ impl<const N: usize, const A: usize> Search<'_, N, A> {
     }
 
     /// Searches from the present multipliers on, and returns the number of steps. `size` is the greatest torque.
-    fn run(&mut self, accuracy: &Accuracy, size: f64, actuated: &mut [Actuated; A]) -> u32 {
+    fn run(&mut self, accuracy: &Accuracy, size: f64, actuated: &mut [Actuated]) -> u32 {
         self.weight = accuracy.weight;
         for step in 0..accuracy.steps {
             let rest = self.rest(actuated);
@@ -290,7 +301,7 @@ impl<const N: usize, const A: usize> Search<'_, N, A> {
     }
 
     /// The torques that are missing, and the greatest effort or torque.
-    fn missing(&mut self, size: f64, actuated: &mut [Actuated; A]) -> ([f64; N], f64) {
+    fn missing(&mut self, size: f64, actuated: &mut [Actuated]) -> ([f64; N], f64) {
         self.weight = 0.0;
         let rest = self.rest(actuated);
         (rest, greatest(size, actuated))
@@ -299,7 +310,7 @@ impl<const N: usize, const A: usize> Search<'_, N, A> {
     /// Sets the efforts of the present multipliers, and returns the slopes of the function: what is missing of the
     /// torques, less the weighted multipliers.
     #[inline(always)]
-    fn rest(&self, actuated: &mut [Actuated; A]) -> [f64; N] {
+    fn rest(&self, actuated: &mut [Actuated]) -> [f64; N] {
         let mut rest = self.wanted;
         for ((column, limits), one) in self.arms.actuators().zip(actuated) {
             one.open = limits.bias + dot(column, &self.multipliers);
@@ -318,7 +329,7 @@ impl<const N: usize, const A: usize> Search<'_, N, A> {
 
     /// Takes one step.
     #[inline(always)]
-    fn step(&mut self, rest: &[f64; N], actuated: &mut [Actuated; A]) {
+    fn step(&mut self, rest: &[f64; N], actuated: &mut [Actuated]) {
         let mut hessian = [[0.0; N]; N];
         for ((column, limits), one) in self.arms.actuators().zip(&*actuated) {
             // An actuator at a limit can change its effort one way.
@@ -363,15 +374,15 @@ impl<const N: usize, const A: usize> Search<'_, N, A> {
 }
 
 /// The function of the multipliers along a step.
-struct Line<'a, const A: usize> {
-    limits: &'a [EffortLimits; A],
-    actuated: &'a [Actuated; A],
+struct Line<'a> {
+    limits: &'a [EffortLimits],
+    actuated: &'a [Actuated],
     /// The part of the slope at the beginning that does not depend on efforts, and what a whole step takes from it.
     slope: f64,
     change: f64,
 }
 
-impl<const A: usize> Line<'_, A> {
+impl Line<'_> {
     /// The part of the step, at most the whole, after which the function is greatest. `begin` is the slope at the
     /// beginning.
     fn part(&self, begin: f64) -> f64 {

@@ -329,8 +329,8 @@ where
         ROD,
         transmission,
         FingerParameters {
-            joints: [free_joint()],
-            drives: limits.map(drive),
+            joints: [free_joint()].into(),
+            drives: limits.map(drive).into(),
         },
         Vector1::zeros(),
     );
@@ -404,8 +404,8 @@ fn settings<const A: usize>(gains: EffortGains) -> FingerSettings<1, A> {
         cutoff_hz: None,
     };
     FingerSettings {
-        joints: [joint],
-        actuators: [actuator; A],
+        joints: [joint].into(),
+        actuators: [actuator; A].into(),
         drive: DriveDynamics {
             armature: Vector1::zeros(),
             viscous: Vector1::zeros(),
@@ -489,8 +489,8 @@ impl Transmission<1, 1> for Crank {
 fn a_transmission_whose_arm_changes_gives_the_force_that_the_posture_needs() {
     let crank = Crank::new(0.05);
     let parameters = FingerParameters {
-        joints: [free_joint()],
-        drives: [drive(ROD_FORCE)],
+        joints: [free_joint()].into(),
+        drives: [drive(ROD_FORCE)].into(),
     };
     let gravity = Vector3::new(0.0, 0.0, -9.81);
     let mut bench = Bench {

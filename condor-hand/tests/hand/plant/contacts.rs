@@ -272,7 +272,7 @@ fn the_same_run_gives_the_same_bits() {
             hand.step(&[[pull, 1.0, pull, 1.0, pull, 1.0]; 4]).unwrap();
         }
         let object = *hand.object().unwrap();
-        (object, hand.fingers().map(|finger| *finger.q()))
+        (object, hand.fingers().each_ref().map(|finger| *finger.q()))
     };
     assert_eq!(end(), end());
 }

@@ -184,8 +184,8 @@ fn drives_begin_with_the_effort_nearest_to_zero() {
 fn impossible_drives_are_refused_with_the_value() {
     let mut joint = free_joint();
     let parameters = |drive, joint| condor_hand::plant::FingerParameters {
-        joints: [joint],
-        drives: [drive; 2],
+        joints: [joint].into(),
+        drives: [drive; 2].into(),
     };
     let tendons = own_tendons::<1, 2>(0.01);
     let new = |parameters| SimFinger::new(ROD, tendons, parameters, Vector1::zeros()).unwrap_err();

@@ -161,8 +161,9 @@ fn a_finger_on_springs_loses_energy_to_friction_alone() {
                 },
                 stiffness: 0.4,
                 ..free_joint()
-            }; 4],
-            drives: [exact(0.008); 8],
+            }; 4]
+                .into(),
+            drives: [exact(0.008); 8].into(),
         };
         let mechanism: PlanarFinger = geometry.finger(1);
         let start = Vector4::new(0.2, 0.5, -0.4, 0.3);
@@ -198,8 +199,8 @@ fn a_finger_of_no_mass_is_refused() {
         length: 0.1,
     };
     let parameters = FingerParameters {
-        joints: [free_joint()],
-        drives: [exact(0.01); 2],
+        joints: [free_joint()].into(),
+        drives: [exact(0.01); 2].into(),
     };
     let tendons = own_tendons::<1, 2>(0.01);
     let refused = SimFinger::new(rod, tendons, parameters, Vector1::new(0.3)).unwrap_err();

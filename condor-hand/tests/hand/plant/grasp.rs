@@ -31,8 +31,8 @@ fn plant(geometry: &Geometry, number: usize) -> PlanarPlant {
     let mut joint = free_joint();
     (joint.friction.armature, joint.friction.viscous) = (1.6e-5, 2e-3);
     let parameters = FingerParameters {
-        joints: [joint; 4],
-        drives: [exact(0.008); 8],
+        joints: [joint; 4].into(),
+        drives: [exact(0.008); 8].into(),
     };
     let tendons = geometry.symmetric_tendons();
     SimFinger::new(geometry.finger(number), tendons, parameters, start()).unwrap()

@@ -186,8 +186,8 @@ where
     T: Transmission<N, A>,
 {
     let parameters = FingerParameters {
-        joints: [joint; N],
-        drives: [drive; A],
+        joints: [joint; N].into(),
+        drives: [drive; A].into(),
     };
     SimFinger::new(mechanism, transmission, parameters, SVector::zeros()).unwrap()
 }

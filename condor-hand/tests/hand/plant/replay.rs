@@ -54,22 +54,24 @@ fn finger(
         kind,
     };
     let parameters = FingerParameters {
-        joints: std::array::from_fn(|joint| JointParameters {
-            friction: JointFriction {
-                armature: meta.armature,
-                viscous: meta.damping,
-                coulomb_rate: 0.01,
-                ..JointFriction::default()
-            },
-            stiffness: meta.joint_stiffness,
-            rest: meta.springref[joint],
-            range: (geometry.qmin[joint], geometry.qmax[joint]),
-            stop: SimStop {
-                stiffness: 5.0,
-                damping: 0.01,
-            },
-        }),
-        drives: [drive; 8],
+        joints: (0..4)
+            .map(|joint| JointParameters {
+                friction: JointFriction {
+                    armature: meta.armature,
+                    viscous: meta.damping,
+                    coulomb_rate: 0.01,
+                    ..JointFriction::default()
+                },
+                stiffness: meta.joint_stiffness,
+                rest: meta.springref[joint],
+                range: (geometry.qmin[joint], geometry.qmax[joint]),
+                stop: SimStop {
+                    stiffness: 5.0,
+                    damping: 0.01,
+                },
+            })
+            .collect(),
+        drives: [drive; 8].into(),
     };
     SimFinger::new(
         geometry.finger(number),
