@@ -111,7 +111,7 @@ fn fault_in_motion(of_joints: Change<'_>, of_encoders: Change<'_>) -> Option<Fau
     let sensors = FingerSensors::new(wrist).unwrap();
     let gravity = Vector3::from(hand.gravity);
     let along = |tick: i32| 0.4 * (3.0 * f64::from(tick) / HZ).cos();
-    let wanted = |tick: i32| Vector2::new(along(tick), -0.7 * along(tick));
+    let wanted = |tick: i32| Vector2::new(along(tick), 0.3 * along(tick));
     let changed = |change: Change<'_>, tick: i32, now: Vector2<f64>, begun: Vector2<f64>| {
         let change = |place: usize| change(place, now[place], begun[place]);
         let is_changed = tick >= BEGIN;
