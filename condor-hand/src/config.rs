@@ -83,6 +83,7 @@ mod rotation;
 #[cfg(feature = "text")]
 mod text;
 mod tunable;
+mod units;
 mod views;
 mod wiring;
 

@@ -10,22 +10,24 @@ use crate::math;
 
 /// A number that is printed and read as people write it: `0.25`, `-1200`, `1.5e-21`.
 ///
-/// `{}` prints at most twelve significant digits, without zeros at the end. A precision, as in
-/// `{:.3}`, is the number of digits after the point. A width is ignored.
+/// `{}` prints at most twelve significant digits, and `{:#}` at most four, without zeros at the end. A precision, as
+/// in `{:.3}`, is the number of digits after the point. A width is ignored.
 ///
 /// ```
 /// use condor_hand::decimal::Decimal;
 ///
 /// assert_eq!(Decimal(0.1 + 0.2).to_string(), "0.3");
 /// assert_eq!(format!("{:.3}", Decimal(-1.23456)), "-1.235");
+/// assert_eq!(format!("{:#}", Decimal(0.0123456)), "0.01235");
 /// assert_eq!(Decimal::parse("25e-2"), Some(Decimal(0.25)));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decimal(pub f64);
 
-/// The numbers that have twelve digits before the point.
-const LEAST: f64 = 1e11;
-const END: f64 = 1e12;
+/// The numbers that have as many digits before the point as there are to show, twelve or four: the least one, its power of
+/// ten, and the end.
+const TWELVE_DIGITS: (f64, i32, f64) = (1e11, 11, 1e12);
+const FOUR_DIGITS: (f64, i32, f64) = (1e3, 3, 1e4);
 /// Digits that a 64-bit word has for certain, before the point and after.
 const WORD_DIGITS: u32 = 18;
 /// Powers of ten that are exact.
@@ -95,24 +97,37 @@ impl fmt::Display for Decimal {
                 return put(f, nearest(all), after);
             }
         }
-        short(f, magnitude)
+        let shown = if f.alternate() {
+            FOUR_DIGITS
+        } else {
+            TWELVE_DIGITS
+        };
+        short(f, magnitude, shown)
     }
 }
 
 /// Writes as many significant digits as there are to show.
-fn short(f: &mut fmt::Formatter<'_>, magnitude: f64) -> fmt::Result {
+fn short(
+    f: &mut fmt::Formatter<'_>,
+    magnitude: f64,
+    (least, places, end): (f64, i32, f64),
+) -> fmt::Result {
     if magnitude == 0.0 {
         return f.write_char('0');
     }
     // As digits before a point, and a power of ten.
     let (mut digits, mut exponent) = (magnitude, 0_i32);
-    while digits >= END {
+    while digits >= end {
         digits /= 10.0;
         exponent = exponent.saturating_add(1);
     }
     // Small numbers in strides: a power of ten may be too large for all at once.
-    while digits < LEAST {
-        let (stride, power) = if digits < 1.0 { (11, 1e11) } else { (1, 10.0) };
+    while digits < least {
+        let (stride, power) = if digits < 1.0 {
+            (places, least)
+        } else {
+            (1, 10.0)
+        };
         digits *= power;
         exponent = exponent.saturating_sub(stride);
     }

@@ -5,16 +5,17 @@
 //! [`SafeRamp`].
 
 mod code;
+mod encoder;
 mod finger;
 mod limits;
 mod ramp;
 pub(crate) mod sensor;
 
 pub use crate::fault_code::FaultCode;
-pub use code::{FaultSite, FingerFault};
+pub use code::{Fault, FaultPlace, FaultQuantity};
 pub use finger::{FingerMonitor, Observation};
 pub use limits::{
-    ActuatorFaultLimits, FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck,
-    Threshold,
+    ActuatorFaultLimits, EncoderFaultLimits, FaultLimits, FaultRange, JointFaultLimits, Plausible,
+    SensorFaultLimits, Stuck, Threshold,
 };
 pub use ramp::SafeRamp;

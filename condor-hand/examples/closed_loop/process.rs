@@ -82,6 +82,7 @@ impl Plant for Process {
 fn state(numbers: &[f64]) -> HandState {
     std::array::from_fn(|finger| FingerReadings {
         position: SVector::from_fn(|joint, _| numbers[JOINTS * finger + joint]),
+        actuator_position: [0.0; 8],
         effort: std::array::from_fn(|actuator| numbers[2 * COUNT + ACTUATORS * finger + actuator]),
         touch: 0.0,
     })

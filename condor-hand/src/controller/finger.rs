@@ -9,7 +9,7 @@ use crate::config::{
 };
 use crate::control::elapsed::Elapsed;
 use crate::dynamics::Dynamics;
-use crate::fault::{FingerFault, FingerMonitor, Observation, SafeRamp};
+use crate::fault::{Fault, FingerMonitor, Observation, SafeRamp};
 use crate::math::{clamp, max, round};
 use crate::number::{NumberError, Requirement, check, finite};
 use crate::servo::{
@@ -40,6 +40,7 @@ const SETTLING_TICKS: u32 = 4;
 /// controller.set_mode(0, ServoMode::Position)?;
 /// let sensed = FingerReadings {
 ///     position: [0.0, 0.3, 0.4, 0.4].into(), // rad
+///     actuator_position: [0.0; 8],
 ///     effort: index.efforts_at_rest(), // N
 ///     touch: 0.0,
 /// };
@@ -92,7 +93,7 @@ pub struct FingerTick<const N: usize, const A: usize> {
     /// controlled.
     pub target: [Option<f64>; N],
     /// The first fault since the last [`clear`](FingerController::clear); `None` if there was none.
-    pub fault: Option<FingerFault>,
+    pub fault: Option<Fault>,
 }
 
 impl<M, T, const N: usize, const A: usize> FingerController<M, T, N, A>
@@ -190,7 +191,7 @@ where
 
     /// Returns the first fault since the last [`clear`](Self::clear); `None` if there was none.
     #[must_use]
-    pub fn fault(&self) -> Option<FingerFault> {
+    pub fn fault(&self) -> Option<Fault> {
         self.monitor.first()
     }
 
@@ -516,7 +517,11 @@ where
             efforts: &sensed.effort,
             desired_positions: &target,
             positions: &sensed.position,
+            actuator_positions: &sensed.actuator_position,
+            arms: self.servo.linear().arms(),
             lost: output.lost,
+            believed: &output.position,
+            rates: &output.velocity,
             period_s,
             set_point_age_s: age_s,
         });

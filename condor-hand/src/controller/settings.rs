@@ -6,8 +6,8 @@ use crate::config::{
 };
 use crate::dynamics::DriveDynamics;
 use crate::fault::{
-    ActuatorFaultLimits, FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck,
-    Threshold,
+    ActuatorFaultLimits, EncoderFaultLimits, FaultLimits, FaultRange, JointFaultLimits, Plausible,
+    SensorFaultLimits, Stuck, Threshold,
 };
 use crate::math::{abs, max, min};
 use crate::servo::{
@@ -62,8 +62,9 @@ impl<const N: usize, const A: usize> Finger<N, A> {
             }
         };
         let resolutions = self.resolutions();
-        let joint = |place: usize, joint: &Joint| JointFaultLimits {
-            sensor: match &joint.adc {
+        let joint = |place: usize, joint: &Joint| {
+            let resolution = resolutions.get(place).copied().unwrap_or(0.0);
+            let sensor = match &joint.adc {
                 Some(adc) => sensor(adc, 0.0),
                 None => SensorFaultLimits {
                     range: FaultRange {
@@ -72,14 +73,20 @@ impl<const N: usize, const A: usize> Finger<N, A> {
                         samples: 0,
                     },
                     stuck: Stuck {
-                        band: NOISE_COUNTS * resolutions.get(place).copied().unwrap_or(0.0),
+                        band: NOISE_COUNTS * resolution,
                         travel: 0.0,
                         samples: 0,
                     },
                     ..SensorFaultLimits::default()
                 },
-            },
-            ..JointFaultLimits::default()
+            };
+            JointFaultLimits {
+                sensor: SensorFaultLimits {
+                    plausible: finite(joint.plausible(resolution)),
+                    ..sensor
+                },
+                ..JointFaultLimits::default()
+            }
         };
         let mut limits = FaultLimits {
             actuators: core::array::from_fn(|place| {
@@ -87,6 +94,7 @@ impl<const N: usize, const A: usize> Finger<N, A> {
                     .map(actuator)
                     .unwrap_or_default()
             }),
+            encoders: self.encoder_limits(&resolutions),
             joints: core::array::from_fn(|place| {
                 let of_joint = self.joints.get(place).map(|it| joint(place, it));
                 of_joint.unwrap_or_default()
@@ -103,6 +111,42 @@ impl<const N: usize, const A: usize> Finger<N, A> {
         let (joints, actuators) = (self.numbers(), self.actuator_numbers());
         judge(&mut limits, policy, &joints, &actuators);
         limits
+    }
+
+    /// Returns the limits of the sensors of actuators' positions that do not depend on a policy; `None` for actuators
+    /// without one, and for those from which no joint is computed.
+    fn encoder_limits(&self, resolutions: &SVector<f64, N>) -> [Option<EncoderFaultLimits>; A] {
+        if self.joints.iter().all(|joint| joint.adc.is_some()) {
+            return [None; A];
+        }
+        let sensing = self.position_sensing();
+        core::array::from_fn(|place| {
+            let (Ok(sensing), Some(actuator)) = (&sensing, self.actuators.get(place)) else {
+                return None;
+            };
+            let mut limits = EncoderFaultLimits {
+                sensor: sensor(&actuator.encoder?, 0.0),
+                tells: 0,
+                arms: 0.0,
+            };
+            // A jump that is too large for one of its joints.
+            limits.sensor.plausible.rate_change = f64::MAX;
+            for (number, (joint, resolution)) in self.joints.iter().zip(resolutions).enumerate() {
+                let arm = abs(self.arm(actuator, joint));
+                let possible = joint.plausible(*resolution);
+                let of_actuator = &mut limits.sensor.plausible;
+                limits.arms += arm;
+                of_actuator.travel += arm * possible.travel;
+                let part = abs(sensing.part(number, place));
+                if part > 0.0 {
+                    limits.tells |= 1 << number;
+                    of_actuator.rate_change =
+                        min(of_actuator.rate_change, possible.rate_change / part);
+                }
+            }
+            limits.sensor.plausible = finite(limits.sensor.plausible);
+            Some(limits).filter(|limits| limits.tells != 0)
+        })
     }
 
     /// Returns what the sensors tell apart of the positions of the joints, rad, or m for a sliding joint.
@@ -155,6 +199,13 @@ pub(super) fn judge<const N: usize, const A: usize>(
             samples: policy.effort_samples,
         };
     }
+    for limits in limits.encoders.iter_mut().flatten() {
+        let sensor = &mut limits.sensor;
+        sensor.lost_samples = policy.lost_samples;
+        sensor.range.samples = policy.sensor_samples;
+        sensor.stuck.travel = limits.arms * policy.frozen_rad;
+        sensor.stuck.samples = policy.lost_samples;
+    }
     for (of_joint, numbers) in limits.joints.iter_mut().zip(joints) {
         let Some(numbers) = numbers else { continue };
         let number = |number: JointNumber| numbers.get(number as usize).copied().unwrap_or(0.0);
@@ -195,6 +246,14 @@ pub(super) fn stop_and_filters(numbers: &JointNumbers) -> (SoftStop, JointCutoff
     (stop, cutoffs_hz)
 }
 
+/// Returns limits that are finite: friction holds a joint without gains anywhere.
+fn finite(possible: Plausible) -> Plausible {
+    Plausible {
+        rate_change: min(possible.rate_change, f64::MAX),
+        travel: min(possible.travel, f64::MAX),
+    }
+}
+
 /// Returns the limits of the sensor behind a converter that do not depend on a policy. It is stuck if it stays while
 /// its set-point goes this far.
 fn sensor(input: &InputChannel, travel: f64) -> SensorFaultLimits {
@@ -219,13 +278,7 @@ impl Joint {
     fn settings(&self, resolution: f64) -> JointSettings {
         let joint = self;
         let servo = &joint.servo;
-        // The distance from its set-point at which friction can hold a joint that has nothing but its drive.
-        let w = core::f64::consts::TAU * servo.bandwidth_hz;
-        let held_rad = match (joint.friction.coulomb, servo.law) {
-            (0.0, _) => 0.0,
-            (coulomb, ServoLaw::Pd) => coulomb / servo.kp,
-            (coulomb, ServoLaw::Decoupled) => coulomb / (joint.friction.armature * w * w),
-        };
+        let possible = joint.plausible(resolution);
         JointSettings {
             gains: JointGains {
                 law: match servo.law {
@@ -249,11 +302,28 @@ impl Joint {
                 bandwidth_hz: joint.stop.bandwidth_hz,
                 damping_ratio: joint.stop.damping_ratio,
             },
-            rate_change: PLAUSIBLE_RATE * joint.limits.velocity,
+            rate_change: possible.rate_change,
             resolution_rad: resolution,
-            frozen_rad: FROZEN_COUNTS * resolution + 2.0 * held_rad,
+            frozen_rad: possible.travel,
             position_cutoff_hz: servo.position_cutoff_hz,
             velocity_cutoff_hz: servo.velocity_cutoff_hz,
+        }
+    }
+
+    /// Returns the limits within which readings of the joint are possible if sensors tell so much apart, rad, or m for a
+    /// sliding joint.
+    fn plausible(&self, resolution: f64) -> Plausible {
+        let servo = &self.servo;
+        // The distance from its set-point at which friction can hold a joint that has nothing but its drive.
+        let w = core::f64::consts::TAU * servo.bandwidth_hz;
+        let held_rad = match (self.friction.coulomb, servo.law) {
+            (0.0, _) => 0.0,
+            (coulomb, ServoLaw::Pd) => coulomb / servo.kp,
+            (coulomb, ServoLaw::Decoupled) => coulomb / (self.friction.armature * w * w),
+        };
+        Plausible {
+            rate_change: PLAUSIBLE_RATE * self.limits.velocity,
+            travel: FROZEN_COUNTS * resolution + 2.0 * held_rad,
         }
     }
 }

@@ -38,7 +38,8 @@ impl<const N: usize, const A: usize> FingerSensors<N, A> {
         })
     }
 
-    /// Reads all sensors. Returns positions of joints in rad, or m for a sliding joint, efforts in N or N m, and the
+    /// Reads all sensors. Returns positions of joints in rad, or m for a sliding joint, those of actuators if joints are
+    /// computed from them, efforts in N or N m, and the
     /// force at the fingertip in N.
     ///
     /// `read` must return the counts of a channel, or `None` if the channel cannot be read. What depends on it is NaN
@@ -50,6 +51,7 @@ impl<const N: usize, const A: usize> FingerSensors<N, A> {
         };
         let mut sensed = FingerReadings::<N, A> {
             position: SVector::zeros(),
+            actuator_position: [0.0; A],
             effort: [0.0; A],
             touch: 0.0,
         };
@@ -61,11 +63,11 @@ impl<const N: usize, const A: usize> FingerSensors<N, A> {
         }
         sensed.touch = value(&self.touch);
         if let Some(sensing) = &self.sensing {
-            let mut actuators = [0.0; A];
-            for (input, position) in self.encoders.iter().zip(&mut actuators) {
+            let actuators = &mut sensed.actuator_position;
+            for (input, position) in self.encoders.iter().zip(actuators.iter_mut()) {
                 *position = value(input);
             }
-            sensed.position = sensing.positions(&sensed.position, &actuators);
+            sensed.position = sensing.positions(&sensed.position, actuators);
         }
         sensed
     }

@@ -1,4 +1,4 @@
-use super::{FaultCode, FaultSite};
+use super::{FaultCode, FaultPlace};
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 
 /// A limit of a value. The value has a fault once it is beyond the limit in `samples` samples in a
@@ -39,12 +39,24 @@ pub struct Stuck {
     pub samples: u16,
 }
 
+/// The limits within which a reading is possible, from where its sensor and its rate were before.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Plausible {
+    /// The greatest change of the rate from one tick to the next, in the unit of the reading per second. A reading
+    /// that needs more has jumped.
+    pub rate_change: f64,
+    /// The distance by which a reading must have changed when it stands although what it measures goes on.
+    pub travel: f64,
+}
+
 /// The limits beyond which the sensor of an actuator or a joint has a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorFaultLimits {
     /// The number of samples in a row that are not finite or implausible after which the sensor is
     /// lost; 0 switches the check off.
     pub lost_samples: u16,
+    /// The limits within which a reading is possible; unused for efforts.
+    pub plausible: Plausible,
     /// The range of the sensor.
     pub range: FaultRange,
     /// The conditions under which it is stuck.
@@ -62,6 +74,17 @@ pub struct ActuatorFaultLimits {
     pub effort: FaultRange,
 }
 
+/// The limits beyond which the sensor of the position of an actuator has a fault, rad or m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EncoderFaultLimits {
+    /// The limits of the sensor.
+    pub sensor: SensorFaultLimits,
+    /// A bit for each joint whose position is computed from this sensor.
+    pub tells: u32,
+    /// How far the actuator goes if each joint that it moves goes by 1: the sum of the sizes of its arms.
+    pub arms: f64,
+}
+
 /// The limits beyond which a joint has a fault, rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointFaultLimits {
@@ -76,6 +99,8 @@ pub struct JointFaultLimits {
 pub struct FaultLimits<const N: usize, const A: usize> {
     /// The limits of each actuator.
     pub actuators: [ActuatorFaultLimits; A],
+    /// The limits of the sensor of each actuator's position; `None` for actuators without one.
+    pub encoders: [Option<EncoderFaultLimits>; A],
     /// The limits of each joint.
     pub joints: [JointFaultLimits; N],
     /// The longest time between two ticks, s; a time that is *n* times as long counts as *n*
@@ -92,47 +117,54 @@ impl<const N: usize, const A: usize> FaultLimits<N, A> {
     /// [`NumberError`] for the first limit that is not finite, negative, or out of order.
     pub fn check(&self) -> Result<(), NumberError> {
         for (actuator, limits) in self.actuators.iter().enumerate() {
-            limits.check(FaultSite::Actuator(actuator))?;
+            limits.check(FaultPlace::Actuator(actuator))?;
+        }
+        for (actuator, limits) in self.encoders.iter().enumerate() {
+            if let Some(limits) = limits {
+                limits.sensor.check(FaultPlace::Actuator(actuator))?;
+            }
         }
         for (joint, limits) in self.joints.iter().enumerate() {
-            limits.check(FaultSite::Joint(joint))?;
+            limits.check(FaultPlace::Joint(joint))?;
         }
-        let finger = FaultSite::Finger;
+        let finger = FaultPlace::Finger;
         threshold(finger, FaultCode::MissedDeadline, self.period_s.value)?;
         threshold(finger, FaultCode::StaleSetPoint, self.set_point_age_s.value)
     }
 }
 
 impl ActuatorFaultLimits {
-    fn check(&self, site: FaultSite) -> Result<(), NumberError> {
-        self.sensor.check(site)?;
-        range(site, FaultCode::LowEffort, &self.effort)
+    fn check(&self, place: FaultPlace) -> Result<(), NumberError> {
+        self.sensor.check(place)?;
+        range(place, FaultCode::LowEffort, &self.effort)
     }
 }
 
 impl JointFaultLimits {
-    fn check(&self, site: FaultSite) -> Result<(), NumberError> {
-        self.sensor.check(site)?;
-        range(site, FaultCode::JointLimit, &self.limit)
+    fn check(&self, place: FaultPlace) -> Result<(), NumberError> {
+        self.sensor.check(place)?;
+        range(place, FaultCode::JointLimit, &self.limit)
     }
 }
 
 impl SensorFaultLimits {
-    fn check(&self, site: FaultSite) -> Result<(), NumberError> {
-        range(site, FaultCode::OutOfRange, &self.range)?;
-        threshold(site, FaultCode::Stuck, self.stuck.band)?;
-        threshold(site, FaultCode::Stuck, self.stuck.travel)?;
-        threshold(site, FaultCode::Tracking, self.tracking.value)
+    fn check(&self, place: FaultPlace) -> Result<(), NumberError> {
+        threshold(place, FaultCode::Jump, self.plausible.rate_change)?;
+        threshold(place, FaultCode::Stuck, self.plausible.travel)?;
+        range(place, FaultCode::OutOfRange, &self.range)?;
+        threshold(place, FaultCode::Stuck, self.stuck.band)?;
+        threshold(place, FaultCode::Stuck, self.stuck.travel)?;
+        threshold(place, FaultCode::Tracking, self.tracking.value)
     }
 }
 
-fn threshold(site: FaultSite, code: FaultCode, value: f64) -> Result<(), NumberError> {
-    not_negative("the threshold", value).map_err(|error| error.at(site.check(code)))
+fn threshold(place: FaultPlace, code: FaultCode, value: f64) -> Result<(), NumberError> {
+    not_negative("the threshold", value).map_err(|error| error.at(place.check(code)))
 }
 
-fn range(site: FaultSite, code: FaultCode, range: &FaultRange) -> Result<(), NumberError> {
+fn range(place: FaultPlace, code: FaultCode, range: &FaultRange) -> Result<(), NumberError> {
     let above = Requirement::AtLeast(range.low);
     finite("the lower end", range.low)
         .and_then(|()| check("the upper end", range.high, above))
-        .map_err(|error| error.at(site.check(code)))
+        .map_err(|error| error.at(place.check(code)))
 }

@@ -1,5 +1,8 @@
-use super::{FaultCode, FaultRange, FaultSite, FingerFault, SensorFaultLimits, Stuck, Threshold};
+use super::{
+    Fault, FaultCode, FaultPlace, FaultQuantity, FaultRange, SensorFaultLimits, Stuck, Threshold,
+};
 use crate::math::{abs, is_finite};
+use crate::number::Requirement::{self, AtMost};
 
 /// Samples in a row.
 #[derive(Clone, Copy, Debug, Default)]
@@ -53,19 +56,45 @@ impl FaultRange {
     }
 }
 
-/// The site that is checked, and the first fault of all sites, which stays.
+/// What is checked, and the first fault of all places, which stays.
 pub(super) struct Latch<'a> {
-    pub(super) first: &'a mut Option<FingerFault>,
-    pub(super) site: FaultSite,
+    pub(super) first: &'a mut Option<Fault>,
+    pub(super) place: FaultPlace,
+    pub(super) quantity: FaultQuantity,
+    /// The time since the last tick, s.
+    pub(super) seconds: f64,
+    /// Another place is about to have a fault that shows here, too: checks count, and report nothing.
+    pub(super) is_excused: bool,
 }
 
 impl Latch<'_> {
-    pub(super) fn report(&mut self, code: FaultCode, is_fault: bool, value: f64) {
-        if is_fault && self.first.is_none() {
-            let (site, value) = (self.site, value);
-            *self.first = Some(FingerFault { code, site, value });
+    pub(super) fn report(
+        &mut self,
+        code: FaultCode,
+        is_fault: bool,
+        value: f64,
+        allowed: Requirement,
+    ) {
+        if is_fault && !self.is_excused && self.first.is_none() {
+            *self.first = Some(Fault {
+                place: self.place,
+                quantity: self.quantity,
+                code,
+                value,
+                allowed,
+            });
         }
     }
+}
+
+/// A reading of a sensor.
+#[derive(Clone, Copy)]
+pub(super) struct Sample {
+    pub(super) measured: f64,
+    /// `None` if the quantity is not controlled.
+    pub(super) desired: Option<f64>,
+    /// The value that the reading had to have, if it cannot be true.
+    pub(super) instead: Option<f64>,
 }
 
 /// The state of the checks of one sensor: the three that every sensor has, and `OWN` of its kind.
@@ -82,8 +111,8 @@ pub(super) struct Sensor<const OWN: usize> {
 pub(super) trait Limits<const OWN: usize> {
     /// The limits that every sensor has.
     fn sensor(&self) -> &SensorFaultLimits;
-    /// The faults that the checks of its kind find, and after how many samples.
-    fn own(&self) -> [(FaultCode, u16); OWN];
+    /// The faults that the checks of its kind find, after how many samples, and what they allow.
+    fn own(&self) -> [(FaultCode, u16, Requirement); OWN];
     /// Whether a sample fails these checks.
     fn fails(&self, measured: f64) -> [bool; OWN];
 }
@@ -103,25 +132,36 @@ impl<const OWN: usize> Sensor<OWN> {
     pub(super) fn update(
         &mut self,
         limits: &impl Limits<OWN>,
-        desired: Option<f64>,
-        (measured, is_possible): (f64, bool),
+        sample: Sample,
         latch: &mut Latch<'_>,
     ) {
         let of_all = limits.sensor();
+        let (measured, desired) = (sample.measured, sample.desired);
         let wanted = desired.unwrap_or(measured);
-        if !(is_possible && is_finite(measured) && is_finite(wanted)) {
-            return self.lose(of_all, wanted, measured, latch);
+        if sample.instead.is_some() || !(is_finite(measured) && is_finite(wanted)) {
+            return self.lose(of_all, sample, latch);
         }
         let stays = self.moved.stays(&of_all.stuck, desired, measured);
-        let error = wanted - measured;
-        let far = of_all.tracking.is_below(abs(error));
+        let far = of_all.tracking.is_below(abs(wanted - measured));
         let fails = [of_all.range.excludes(measured), stays, far];
         let own = limits.fails(measured);
         // In most ticks none fails, and nothing is counted.
         let any = |all: &[bool]| all.iter().fold(false, |any, &fails| any | fails);
         if !self.quiet | any(&fails) | any(&own) {
-            self.count(limits, [measured, measured, error], fails, own, latch);
+            self.count(limits, (wanted, measured), fails, own, latch);
         }
+    }
+
+    /// Returns true if a check counts samples that fail.
+    pub(super) fn is_counting(&self) -> bool {
+        let (runs, own_runs) = &self.runs;
+        let mut all = runs.iter().chain(own_runs);
+        !self.lost.is_over() || all.any(|run| !run.is_over())
+    }
+
+    /// Returns true if a reading is where the sensor has been since it moved last.
+    pub(super) fn stands(&self, stuck: &Stuck, measured: f64) -> bool {
+        abs(measured - self.moved.there) <= stuck.band
     }
 
     /// Counts the checks that a sample fails, and ends the counts of the others.
@@ -129,50 +169,72 @@ impl<const OWN: usize> Sensor<OWN> {
     fn count(
         &mut self,
         limits: &impl Limits<OWN>,
-        values: [f64; 3],
+        (wanted, measured): (f64, f64),
         fails: [bool; 3],
         own: [bool; OWN],
         latch: &mut Latch<'_>,
     ) {
         self.lost = Run(0);
-        let (of_all, [measured, ..]) = (limits.sensor(), values);
+        let SensorFaultLimits {
+            range,
+            stuck,
+            tracking,
+            ..
+        } = limits.sensor();
+        let (travel, error) = (abs(wanted - self.moved.wanted), abs(wanted - measured));
+        let in_range = Requirement::Within(range.low, range.high);
+        let (most, farthest) = (stuck.travel, tracking.value);
         let checks = [
-            (FaultCode::OutOfRange, of_all.range.samples),
-            (FaultCode::Stuck, of_all.stuck.samples),
-            (FaultCode::Tracking, of_all.tracking.samples),
+            (FaultCode::OutOfRange, range.samples, measured, in_range),
+            (FaultCode::Stuck, stuck.samples, travel, AtMost(most)),
+            (
+                FaultCode::Tracking,
+                tracking.samples,
+                error,
+                AtMost(farthest),
+            ),
         ];
         let (runs, own_runs) = &mut self.runs;
-        for (((run, (code, samples)), fails), value) in
-            runs.iter_mut().zip(checks).zip(fails).zip(values)
+        for ((run, (code, samples, value, allowed)), fails) in
+            runs.iter_mut().zip(checks).zip(fails)
         {
-            latch.report(code, run.reaches(samples, fails), value);
+            latch.report(code, run.reaches(samples, fails), value, allowed);
         }
-        for ((run, (code, samples)), fails) in own_runs.iter_mut().zip(limits.own()).zip(own) {
-            latch.report(code, run.reaches(samples, fails), measured);
+        let own_checks = own_runs.iter_mut().zip(limits.own()).zip(own);
+        for ((run, (code, samples, allowed)), fails) in own_checks {
+            latch.report(code, run.reaches(samples, fails), measured, allowed);
         }
         self.quiet = runs.iter().chain(own_runs.iter()).all(|run| run.is_over());
     }
 
     /// Counts a sample that is not finite or not possible.
     #[cold]
-    fn lose(
-        &mut self,
-        limits: &SensorFaultLimits,
-        wanted: f64,
-        measured: f64,
-        latch: &mut Latch<'_>,
-    ) {
-        let (code, value) = if !is_finite(measured) {
-            (FaultCode::NotFinite, measured)
+    fn lose(&mut self, limits: &SensorFaultLimits, sample: Sample, latch: &mut Latch<'_>) {
+        let Sample {
+            measured, desired, ..
+        } = sample;
+        let wanted = desired.unwrap_or(measured);
+        let possible = &limits.plausible;
+        let away = abs(sample.instead.unwrap_or(wanted) - measured);
+        let (code, value, allowed) = if !is_finite(measured) {
+            (FaultCode::NotFinite, measured, Requirement::Finite)
         } else if !is_finite(wanted) {
-            (FaultCode::NotFinite, wanted)
-        } else if abs(measured - self.moved.there) <= limits.stuck.band {
-            (FaultCode::Stuck, measured)
+            (FaultCode::NotFinite, wanted, Requirement::Finite)
+        } else if self.stands(&limits.stuck, measured) && away > possible.travel {
+            (FaultCode::Stuck, away, AtMost(possible.travel))
         } else {
-            (FaultCode::Jump, measured)
+            (FaultCode::Jump, away, AtMost(limits.reach(latch.seconds)))
         };
-        latch.report(code, self.lost.reaches(limits.lost_samples, true), value);
+        let is_fault = self.lost.reaches(limits.lost_samples, true);
+        latch.report(code, is_fault, value, allowed);
         self.quiet = false;
+    }
+}
+
+impl SensorFaultLimits {
+    /// Returns how far a reading can be from where its rate leads in so many seconds.
+    pub(super) fn reach(&self, seconds: f64) -> f64 {
+        self.plausible.rate_change * seconds + 2.0 * self.stuck.band
     }
 }
 

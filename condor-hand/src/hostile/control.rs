@@ -4,7 +4,7 @@
 use crate::config::{Actuator, EffortFaults, InputChannel, Joint, ServoLaw};
 use crate::controller::{FingerController, FingerTick};
 use crate::dynamics::Dynamics;
-use crate::fault::FingerFault;
+use crate::fault::Fault;
 use crate::servo::{EffortGains, FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
 use crate::trajectory::{SetPoint, StopGuard};
 use crate::transmission::Linear;
@@ -152,7 +152,7 @@ struct Subject<'h, M> {
     controller: FingerController<M, Linear<4, 8>, 4, 8>,
     hand: &'h Shipped,
     finger: usize,
-    fault: Option<FingerFault>,
+    fault: Option<Fault>,
     sensed: FingerReadings<4, 8>,
 }
 
@@ -168,6 +168,7 @@ fn drive<M: Dynamics<4>>(hand: &Shipped, finger: usize, mechanism: M, source: &m
         fault: None,
         sensed: FingerReadings {
             position: SVector::from([0.1, 0.6, 0.8, 0.7]),
+            actuator_position: [0.0; 8],
             effort: entry.efforts_at_rest(),
             touch: 0.0,
         },
@@ -285,7 +286,8 @@ impl<M: Dynamics<4>> Subject<'_, M> {
     /// Changes the reading of one of the sensors from now on.
     fn break_sensor(&mut self, source: &mut Source<'_>) {
         let joint = source.below(4);
-        let place = match source.byte() % 4 {
+        let place = match source.byte() % 5 {
+            4 => &mut self.sensed.actuator_position[source.below(8)],
             3 => &mut self.sensed.touch,
             0 => &mut self.sensed.position[joint],
             _ => &mut self.sensed.effort[source.below(8)],
@@ -324,7 +326,7 @@ impl<M: Dynamics<4>> Subject<'_, M> {
         }
         if let Some(fault) = self.fault {
             let latched = tick.fault.is_some_and(|other| {
-                (other.code, other.site) == (fault.code, fault.site)
+                (other.code, other.place) == (fault.code, fault.place)
                     && other.value.to_bits() == fault.value.to_bits()
             });
             assert!(latched, "{fault:?} became {:?}", tick.fault);

@@ -114,6 +114,18 @@ where
         self.linear().actuators(&self.q)
     }
 
+    /// Returns the readings of exact sensors of the finger. The reading of the tactile sensor is
+    /// zero.
+    #[must_use]
+    pub fn readings(&self) -> FingerReadings<N, A> {
+        FingerReadings {
+            position: self.q,
+            actuator_position: self.actuator_positions(),
+            effort: self.efforts,
+            touch: 0.0,
+        }
+    }
+
     /// Simulates `dt` seconds in `updates` equal updates. `commands` (N, or N m) are the constant
     /// commands of the actuators; a NaN counts as zero. `gravity` is in the axes of the palm, m/s², as in
     /// [`Dynamics`].
@@ -247,17 +259,6 @@ impl<M, T, const N: usize, const A: usize> SimFinger<M, T, N, A> {
     #[must_use]
     pub fn efforts(&self) -> &[f64; A] {
         &self.efforts
-    }
-
-    /// Returns the readings of exact sensors of the finger. The reading of the tactile sensor is
-    /// zero.
-    #[must_use]
-    pub fn readings(&self) -> FingerReadings<N, A> {
-        FingerReadings {
-            position: self.q,
-            effort: self.efforts,
-            touch: 0.0,
-        }
     }
 
     /// Returns the model of the finger's links that was passed to [`new`](Self::new).

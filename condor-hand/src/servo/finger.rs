@@ -23,6 +23,9 @@ use crate::transmission::{EffortLimits, Linear, Transmission};
 pub struct FingerReadings<const N: usize, const A: usize> {
     /// Positions of the joints, rad.
     pub position: SVector<f64, N>,
+    /// Positions of the actuators, rad or m; anything for one without a sensor of its position. Those of joints follow
+    /// from them by a [`PositionSensing`](crate::transmission::PositionSensing); here they are checked for faults.
+    pub actuator_position: [f64; A],
     /// Efforts of the actuators, N or N m; anything for one without a sensor.
     pub effort: [f64; A],
     /// The force along the normal at the fingertip, N; zero without a tactile sensor.

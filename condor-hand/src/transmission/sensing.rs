@@ -103,6 +103,14 @@ impl<const N: usize, const A: usize> PositionSensing<N, A> {
         self.sums(|part, value| abs(part * value), joints, actuators)
     }
 
+    /// Returns the part of the position of an actuator in that of a joint; 0 if the joint does not depend on it.
+    pub(crate) fn part(&self, joint: usize, actuator: usize) -> f64 {
+        let parts = self.by_actuators.get(joint);
+        parts
+            .and_then(|parts| parts.get(actuator).copied())
+            .unwrap_or(0.0)
+    }
+
     /// The sums over what each joint depends on.
     fn sums(
         &self,

@@ -8,7 +8,7 @@
 use condor_hand::config::Hand;
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::dynamics::Dynamics;
-use condor_hand::fault::{FaultCode, FaultSite};
+use condor_hand::fault::{FaultCode, FaultPlace};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::{
     FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal, TargetQuantity,
@@ -57,6 +57,7 @@ fn posture() -> Vector4<f64> {
 fn sensed(efforts: [f64; 8]) -> FingerReadings<4, 8> {
     FingerReadings {
         position: posture(),
+        actuator_position: [0.0; 8],
         effort: efforts,
         touch: 0.0,
     }
@@ -279,7 +280,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_efforts_down() {
         ticks += 1;
         assert!(ticks < 1000, "no fault was seen");
     };
-    assert_eq!(fault.site, FaultSite::Joint(2));
+    assert_eq!(fault.place, FaultPlace::Joint(2));
     assert_eq!(fault.code, FaultCode::NotFinite);
     assert_eq!(
         controller.set_mode(0, ServoMode::Position),
@@ -288,7 +289,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_efforts_down() {
     // Good sensors do not bring it back, and the way down has no step.
     for _ in 0..400 {
         let tick = controller.tick(&sensed(efforts), &gravity(), PERIOD_S);
-        assert_eq!(tick.fault.unwrap().site, fault.site);
+        assert_eq!(tick.fault.unwrap().place, fault.place);
         assert!(largest_step(&command, &tick.output.command) < 1.0);
         command = tick.output.command;
     }
@@ -425,8 +426,8 @@ fn a_loop_that_stood_still_for_half_a_second_is_a_fault() {
     let tick = controller.tick(&sensed(efforts), &gravity(), 0.5);
     let fault = tick.fault.unwrap();
     assert_eq!(
-        (fault.code, fault.site),
-        (FaultCode::MissedDeadline, FaultSite::Finger)
+        (fault.code, fault.place),
+        (FaultCode::MissedDeadline, FaultPlace::Finger)
     );
     assert!((fault.value - 0.5).abs() < 1e-12);
     // In a short gap, the set-points of a master age with the time that passes.
@@ -459,6 +460,7 @@ fn a_joint_joins_the_motion_of_the_master_without_a_jump() {
         let tick = controller.tick(
             &FingerReadings {
                 position: last,
+                actuator_position: [0.0; 8],
                 effort: efforts,
                 touch: 0.0,
             },
@@ -504,6 +506,7 @@ fn a_finger_of_fewer_joints_than_there_is_room_for_is_one_without_them() {
     least[..6].fill(1.0);
     let sensed = FingerReadings {
         position: SVector::from([0.1, 0.2, 0.005, 0.0, 0.0]),
+        actuator_position: [0.0; 9],
         effort: least,
         touch: 0.0,
     };
@@ -530,6 +533,7 @@ fn a_finger_ticks_at_the_rate_of_its_processor() {
     controller.set_mode(0, ServoMode::Position).unwrap();
     let sensed = FingerReadings {
         position: SVector::from([0.1, 0.2, 0.005]),
+        actuator_position: [0.0; 6],
         effort: [1.0; 6],
         touch: 0.0,
     };
@@ -710,6 +714,7 @@ proptest! {
             let _ = controller.set_mode(joint, ServoMode::ALL[mode]);
             let sensed = FingerReadings {
                 position: SVector::from_column_slice(&sample[..4]),
+                actuator_position: [0.0; 8],
                 effort: core::array::from_fn(|actuator| sample[4 + actuator]),
                 touch: 0.0,
             };

@@ -38,6 +38,7 @@ impl Rig {
         let controller = FingerController::new(&hand, finger, mechanism, transmission).unwrap();
         let sensed = FingerReadings {
             position: Vector4::from(START),
+            actuator_position: [0.0; 8],
             effort: [10.0; 8],
             touch: 0.0,
         };

@@ -9,7 +9,7 @@
 use condor_hand::Subject;
 use condor_hand::config::{Channel, Hand, InputChannel, Wire};
 use condor_hand::controller::{FingerController, FingerSensors};
-use condor_hand::fault::{FaultCode, FaultSite};
+use condor_hand::fault::{Fault, FaultCode, FaultPlace, FaultQuantity};
 use condor_hand::plant::PlantModel;
 use condor_hand::servo::JointTarget;
 use condor_hand::trajectory::SetPoint;
@@ -81,11 +81,117 @@ fn a_differential_is_controlled_by_the_encoders_of_its_motors() {
         assert!(sensed.position.iter().all(|position| position.is_nan()));
         fault = controller.tick(&sensed, &gravity, 1.0 / HZ).fault;
     }
-    let fault = fault.unwrap();
-    assert_eq!(
-        (fault.code, fault.site),
-        (FaultCode::NotFinite, FaultSite::Joint(0))
-    );
+    assert_eq!(named(fault.unwrap()), (FaultCode::NotFinite, RIGHT));
+}
+
+const RIGHT: FaultPlace = FaultPlace::Actuator(1);
+
+fn named(fault: Fault) -> (FaultCode, FaultPlace) {
+    assert_eq!(fault.quantity, FaultQuantity::Position);
+    assert!(!fault.allowed.holds(fault.value), "{fault:?}");
+    (fault.code, fault.place)
+}
+
+/// A change of a position that begins during a motion: of the joint or actuator of this number, by the present position
+/// and that at which it began, rad.
+type Change<'c> = &'c dyn Fn(usize, f64, f64) -> f64;
+
+const NO_CHANGE: Change<'static> = &|_, now, _| now;
+
+/// The tick in which changes begin.
+const BEGIN: i32 = 300;
+
+/// The fault of a wrist whose joints go to and fro, when something changes where joints are and what the encoders of
+/// actuators show; `None` if there is none.
+fn fault_in_motion(of_joints: Change<'_>, of_encoders: Change<'_>) -> Option<Fault> {
+    let hand = hand();
+    let wrist = &hand.fingers[0];
+    let (chain, transmission) = (wrist.chain(), wrist.transmission().unwrap());
+    let mut controller = FingerController::new(&hand, wrist, chain, transmission).unwrap();
+    let sensors = FingerSensors::new(wrist).unwrap();
+    let gravity = Vector3::from(hand.gravity);
+    let along = |tick: i32| 0.4 * (3.0 * f64::from(tick) / HZ).cos();
+    let wanted = |tick: i32| Vector2::new(along(tick), 0.3 * along(tick));
+    let changed = |change: Change<'_>, tick: i32, now: Vector2<f64>, begun: Vector2<f64>| {
+        let change = |place: usize| change(place, now[place], begun[place]);
+        let is_changed = tick >= BEGIN;
+        if is_changed {
+            Vector2::new(change(0), change(1))
+        } else {
+            now
+        }
+    };
+    for tick in 0..3000 {
+        for joint in 0..2 {
+            let position = wanted(tick)[joint];
+            let velocity = (position - wanted(tick - 1)[joint]) * HZ;
+            let acceleration = 0.0;
+            let point = SetPoint {
+                position,
+                velocity,
+                acceleration,
+            };
+            let target = JointTarget::Position(point);
+            controller.set_target(joint, target).unwrap();
+        }
+        // The joints go where they are to go.
+        let begun = wanted(BEGIN);
+        let q = changed(of_joints, tick, wanted(tick), begun);
+        let of_actuators = |q: &Vector2<f64>| Vector2::from(transmission.actuators(q));
+        let shown = changed(of_encoders, tick, of_actuators(&q), of_actuators(&begun));
+        let sensed = sensors.read(|channel| {
+            let wire = hand.wire(channel).unwrap();
+            let Wire::Encoder { actuator, .. } = wire else {
+                panic!("{wire:?} is no encoder");
+            };
+            Some(hand.input(wire).unwrap().counts(shown[actuator]))
+        });
+        let fault = controller.tick(&sensed, &gravity, 1.0 / HZ).fault;
+        if let Some(fault) = fault {
+            println!("{}", fault.of(wrist));
+            return Some(fault);
+        }
+    }
+    None
+}
+
+#[test]
+fn an_encoder_that_sticks_is_named() {
+    assert_eq!(fault_in_motion(NO_CHANGE, NO_CHANGE), None);
+    for actuator in 0..2 {
+        let sticks = |number, now, begun| if number == actuator { begun } else { now };
+        let fault = fault_in_motion(NO_CHANGE, &sticks).unwrap();
+        let expected = (FaultCode::Stuck, FaultPlace::Actuator(actuator));
+        assert_eq!(named(fault), expected);
+    }
+}
+
+#[test]
+fn an_encoder_that_jumps_is_named() {
+    for actuator in 0..2 {
+        for jump in [0.4, -1.0, 3.0] {
+            let jumps = |number, now, _| {
+                let is_it = number == actuator;
+                now + if is_it { jump } else { 0.0 }
+            };
+            let fault = fault_in_motion(NO_CHANGE, &jumps).unwrap();
+            let expected = (FaultCode::Jump, FaultPlace::Actuator(actuator));
+            assert_eq!(named(fault), expected, "by {jump} rad");
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_is_held_or_hit_is_named_itself() {
+    for joint in 0..2 {
+        let held = |number, now, begun| if number == joint { begun } else { now };
+        let fault = fault_in_motion(&held, NO_CHANGE).unwrap();
+        assert_eq!(named(fault).1, FaultPlace::Joint(joint));
+        let hit = |number, now, _| now + if number == joint { 0.2 } else { 0.0 };
+        let fault = fault_in_motion(&hit, NO_CHANGE).unwrap();
+        let expected = (FaultCode::Jump, FaultPlace::Joint(joint));
+        assert_eq!(named(fault), expected);
+    }
 }
 
 #[test]

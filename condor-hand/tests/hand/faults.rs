@@ -6,10 +6,11 @@
 )]
 
 use condor_hand::fault::{
-    ActuatorFaultLimits, FaultCode, FaultLimits, FaultRange, FaultSite, FingerFault, FingerMonitor,
-    JointFaultLimits, Observation, SafeRamp, SensorFaultLimits, Stuck, Threshold,
+    ActuatorFaultLimits, EncoderFaultLimits, Fault, FaultCode, FaultLimits, FaultPlace,
+    FaultQuantity, FaultRange, FingerMonitor, JointFaultLimits, Observation, Plausible, SafeRamp,
+    SensorFaultLimits, Stuck, Threshold,
 };
-use condor_hand::{NumberError, Subject};
+use condor_hand::{NumberError, Requirement, Subject};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 
@@ -18,6 +19,7 @@ fn limits() -> FaultLimits<2, 4> {
     let actuator = ActuatorFaultLimits {
         sensor: SensorFaultLimits {
             lost_samples: 2,
+            plausible: Plausible::default(),
             range: FaultRange {
                 low: -5.0,
                 high: 200.0,
@@ -42,6 +44,10 @@ fn limits() -> FaultLimits<2, 4> {
     let joint = JointFaultLimits {
         sensor: SensorFaultLimits {
             lost_samples: 2,
+            plausible: Plausible {
+                rate_change: 4.0,
+                travel: 0.02,
+            },
             range: FaultRange {
                 low: -3.0,
                 high: 3.0,
@@ -65,6 +71,7 @@ fn limits() -> FaultLimits<2, 4> {
     };
     FaultLimits {
         actuators: [actuator; 4],
+        encoders: [None; 4],
         joints: [joint; 2],
         period_s: Threshold {
             value: 0.003,
@@ -84,9 +91,20 @@ struct Seen {
     efforts: [f64; 4],
     desired_positions: [Option<f64>; 2],
     positions: Vector2<f64>,
+    actuator_positions: [f64; 4],
     lost: u32,
+    believed: Vector2<f64>,
+    rates: Vector2<f64>,
     period_s: f64,
     set_point_age_s: f64,
+}
+
+/// Two motors of a differential, and two that turn the second joint alone.
+const ARMS: [[f64; 2]; 4] = [[10.0, 10.0], [10.0, -10.0], [0.0, 5.0], [0.0, 5.0]];
+
+/// The positions of the actuators when the joints are there.
+fn actuators(joints: &Vector2<f64>) -> [f64; 4] {
+    ARMS.map(|arms| Vector2::from(arms).dot(joints))
 }
 
 fn good() -> Seen {
@@ -95,7 +113,10 @@ fn good() -> Seen {
         efforts: [10.0; 4],
         desired_positions: [Some(0.2); 2],
         positions: Vector2::repeat(0.2),
+        actuator_positions: actuators(&Vector2::repeat(0.2)),
         lost: 0,
+        believed: Vector2::repeat(0.2),
+        rates: Vector2::zeros(),
         period_s: 0.0025,
         set_point_age_s: 0.02,
     }
@@ -108,13 +129,17 @@ impl Monitor {
         Self(FingerMonitor::new(*limits).unwrap())
     }
 
-    fn update(&mut self, seen: &Seen) -> Option<FingerFault> {
+    fn update(&mut self, seen: &Seen) -> Option<Fault> {
         self.0.update(&Observation {
             desired_efforts: &seen.desired_efforts,
             efforts: &seen.efforts,
             desired_positions: &seen.desired_positions,
             positions: &seen.positions,
+            actuator_positions: &seen.actuator_positions,
+            arms: &ARMS,
             lost: seen.lost,
+            believed: &seen.believed,
+            rates: &seen.rates,
             period_s: seen.period_s,
             set_point_age_s: seen.set_point_age_s,
         })
@@ -126,64 +151,71 @@ fn monitor() -> Monitor {
 }
 
 /// Shows an observation after one good one until it is a fault: the fault, and which sample.
-fn first_fault(observation: &Seen) -> Option<(FingerFault, usize)> {
+fn first_fault(observation: &Seen) -> Option<(Fault, usize)> {
     let mut monitor = monitor();
     assert_eq!(monitor.update(&good()), None);
     (1..100).find_map(|k| Some((monitor.update(observation)?, k)))
 }
 
-fn check(observation: &Seen, code: FaultCode, site: FaultSite, samples: usize) {
+fn check(observation: &Seen, code: FaultCode, place: FaultPlace, samples: usize) {
     let (fault, after) = first_fault(observation).unwrap();
-    assert_eq!((fault.code, fault.site, after), (code, site, samples));
+    assert_eq!((fault.code, fault.place, after), (code, place, samples));
+    assert!(!fault.allowed.holds(fault.value), "{fault:?}");
+    let quantity = match place {
+        FaultPlace::Actuator(_) => FaultQuantity::Effort,
+        FaultPlace::Joint(_) => FaultQuantity::Position,
+        FaultPlace::Finger => FaultQuantity::Time,
+    };
+    assert_eq!(fault.quantity, quantity);
 }
 
 #[test]
 fn each_fault_is_found_where_and_when_its_limit_says() {
     let mut low = good();
     low.efforts[3] = 0.5;
-    check(&low, FaultCode::LowEffort, FaultSite::Actuator(3), 6);
+    check(&low, FaultCode::LowEffort, FaultPlace::Actuator(3), 6);
 
     let mut high = good();
     high.efforts[0] = 151.0;
     high.desired_efforts[0] = 140.0;
-    check(&high, FaultCode::HighEffort, FaultSite::Actuator(0), 6);
+    check(&high, FaultCode::HighEffort, FaultPlace::Actuator(0), 6);
 
     let mut outside = good();
     outside.efforts[1] = -6.0;
-    check(&outside, FaultCode::OutOfRange, FaultSite::Actuator(1), 3);
+    check(&outside, FaultCode::OutOfRange, FaultPlace::Actuator(1), 3);
 
     let mut lost = good();
     lost.positions[1] = f64::NAN;
-    check(&lost, FaultCode::NotFinite, FaultSite::Joint(1), 2);
+    check(&lost, FaultCode::NotFinite, FaultPlace::Joint(1), 2);
     lost = good();
     lost.desired_efforts[2] = f64::INFINITY;
-    check(&lost, FaultCode::NotFinite, FaultSite::Actuator(2), 2);
+    check(&lost, FaultCode::NotFinite, FaultPlace::Actuator(2), 2);
 
     let mut behind = good();
     behind.efforts[0] = 35.0;
-    check(&behind, FaultCode::Tracking, FaultSite::Actuator(0), 5);
+    check(&behind, FaultCode::Tracking, FaultPlace::Actuator(0), 5);
     behind = good();
     behind.positions[0] = 0.6;
-    check(&behind, FaultCode::Tracking, FaultSite::Joint(0), 5);
+    check(&behind, FaultCode::Tracking, FaultPlace::Joint(0), 5);
 
     let mut stuck = good();
     stuck.desired_positions[0] = Some(0.3);
-    check(&stuck, FaultCode::Stuck, FaultSite::Joint(0), 4);
+    check(&stuck, FaultCode::Stuck, FaultPlace::Joint(0), 4);
     stuck = good();
     stuck.desired_efforts[3] = 16.0;
-    check(&stuck, FaultCode::Stuck, FaultSite::Actuator(3), 4);
+    check(&stuck, FaultCode::Stuck, FaultPlace::Actuator(3), 4);
 
     let mut past = good();
     past.positions[1] = 1.6;
     past.desired_positions[1] = None;
-    check(&past, FaultCode::JointLimit, FaultSite::Joint(1), 2);
+    check(&past, FaultCode::JointLimit, FaultPlace::Joint(1), 2);
 
     let mut late = good();
     late.period_s = 0.004;
-    check(&late, FaultCode::MissedDeadline, FaultSite::Finger, 2);
+    check(&late, FaultCode::MissedDeadline, FaultPlace::Finger, 2);
     late = good();
     late.set_point_age_s = f64::NAN;
-    check(&late, FaultCode::StaleSetPoint, FaultSite::Finger, 1);
+    check(&late, FaultCode::StaleSetPoint, FaultPlace::Finger, 1);
 
     assert_eq!(first_fault(&good()), None);
 }
@@ -214,10 +246,93 @@ fn a_position_that_cannot_be_is_a_fault_of_its_own() {
     let mut lost = good();
     lost.lost = 0b10;
     lost.positions[1] = 0.7;
-    check(&lost, FaultCode::Jump, FaultSite::Joint(1), 2);
-    // Where it was all the time.
+    check(&lost, FaultCode::Jump, FaultPlace::Joint(1), 2);
+    // Where it was all the time, although the joint went on.
     lost.positions[1] = 0.2;
-    check(&lost, FaultCode::Stuck, FaultSite::Joint(1), 2);
+    lost.believed[1] = 0.25;
+    check(&lost, FaultCode::Stuck, FaultPlace::Joint(1), 2);
+}
+
+/// Encoders of the first two motors tell both joints.
+fn limits_with_encoders() -> FaultLimits<2, 4> {
+    let mut limits = limits();
+    let encoder = EncoderFaultLimits {
+        sensor: SensorFaultLimits {
+            lost_samples: 2,
+            plausible: Plausible {
+                rate_change: 80.0,
+                travel: 0.4,
+            },
+            range: FaultRange {
+                low: -30.0,
+                high: 30.0,
+                samples: 3,
+            },
+            stuck: Stuck {
+                band: 0.01,
+                travel: 1.0,
+                samples: 4,
+            },
+            tracking: Threshold::default(),
+        },
+        tells: 0b11,
+        arms: 20.0,
+    };
+    limits.encoders = [Some(encoder), Some(encoder), None, None];
+    for joint in &mut limits.joints {
+        joint.sensor.range.samples = 0;
+    }
+    limits
+}
+
+#[test]
+fn an_encoder_is_named_in_place_of_the_joints_that_it_tells() {
+    let mut lost = good();
+    lost.actuator_positions[1] = f64::NAN;
+    lost.positions = Vector2::repeat(f64::NAN);
+    lost.lost = 0b11;
+    let mut outside = good();
+    outside.actuator_positions[0] = 31.0;
+    let mut stuck = good();
+    stuck.desired_positions = [Some(0.3), Some(0.25)];
+    stuck.actuator_positions[1] = 0.5;
+    let mut jumped = good();
+    jumped.actuator_positions[1] = 2.0;
+    jumped.positions = Vector2::new(0.3, 0.1);
+    jumped.lost = 0b11;
+    for (seen, actuator, code, samples) in [
+        (lost, 1, FaultCode::NotFinite, 2),
+        (outside, 0, FaultCode::OutOfRange, 3),
+        (stuck, 0, FaultCode::Stuck, 4),
+        (jumped, 1, FaultCode::Jump, 2),
+    ] {
+        let mut monitor = Monitor::new(&limits_with_encoders());
+        assert_eq!(monitor.update(&good()), None);
+        let find = (1..100).find_map(|k| Some((monitor.update(&seen)?, k)));
+        let (fault, after) = find.unwrap();
+        let place = FaultPlace::Actuator(actuator);
+        assert_eq!((fault.code, fault.place, after), (code, place, samples));
+        assert_eq!(fault.quantity, FaultQuantity::Position);
+        assert!(!fault.allowed.holds(fault.value), "{fault:?}");
+    }
+}
+
+#[test]
+fn a_joint_is_named_if_several_encoders_show_the_same() {
+    let mut hit = good();
+    // Both motors went with the first joint.
+    hit.positions[0] = 0.3;
+    hit.actuator_positions = actuators(&hit.positions);
+    hit.lost = 0b01;
+    let mut monitor = Monitor::new(&limits_with_encoders());
+    assert_eq!(monitor.update(&good()), None);
+    assert_eq!(monitor.update(&hit), None);
+    let fault = monitor.update(&hit).unwrap();
+    assert_eq!(
+        (fault.code, fault.place),
+        (FaultCode::Jump, FaultPlace::Joint(0))
+    );
+    assert!(!fault.allowed.holds(fault.value), "{fault:?}");
 }
 
 #[test]
@@ -257,8 +372,14 @@ fn faults_stay_until_they_are_cleared() {
     broken.efforts[0] = 160.0;
     broken.set_point_age_s = 1.0;
     let first = monitor.update(&broken).unwrap();
-    let (code, site, value) = (FaultCode::HighEffort, FaultSite::Actuator(0), 160.0);
-    assert_eq!(first, FingerFault { code, site, value });
+    let fault = Fault {
+        place: FaultPlace::Actuator(0),
+        quantity: FaultQuantity::Effort,
+        code: FaultCode::HighEffort,
+        value: 160.0,
+        allowed: Requirement::AtMost(150.0),
+    };
+    assert_eq!(first, fault);
     for _ in 0..50 {
         assert_eq!(monitor.update(&good()), Some(first));
     }
@@ -353,47 +474,101 @@ fn the_readme_explains_every_fault_in_the_words_of_programs() {
 
 #[test]
 fn a_fault_is_told_with_the_names_of_its_parts() {
+    use FaultPlace::{Actuator, Finger, Joint};
+    use FaultQuantity::{Effort, Position, Time};
+    use Requirement::{AtLeast, AtMost, Within};
     let hand = include_str!("../../hands/utah-mit.toml");
     let hand = condor_hand::config::Hand::<4, 4, 8>::from_toml(hand, "utah-mit.toml").unwrap();
-    for (code, site, value, said) in [
+    let of_flexor = (Actuator(4), Effort);
+    let of_distal = (Joint(3), Position);
+    let of_index = (Finger, Time);
+    for ((place, quantity), code, value, allowed, said) in [
         (
+            of_flexor,
             FaultCode::LowEffort,
-            FaultSite::Actuator(4),
             0.0,
-            "index.middle-flexor has too little effort: 0.000",
+            AtLeast(1.0),
+            "index.middle-flexor: effort of 0 N is too low, at least 1 N is allowed",
         ),
         (
+            (Actuator(8), Effort),
             FaultCode::HighEffort,
-            FaultSite::Actuator(8),
             180.5,
-            "index.8 has too much effort: 180.500",
+            AtMost(180.0),
+            "index.8: effort of 180.5 is too high, at most 180 is allowed",
         ),
         (
+            of_distal,
             FaultCode::Tracking,
-            FaultSite::Joint(3),
-            -0.25,
-            "index.distal is 0.250 rad away from its set-point",
+            0.254_321,
+            AtMost(0.25),
+            "index.distal: tracking error of 0.2543 rad, at most 0.25 rad is allowed",
         ),
         (
-            FaultCode::StaleSetPoint,
-            FaultSite::Finger,
-            0.06,
-            "index has no new set-point: the last one is 0.060 s old",
+            of_distal,
+            FaultCode::JointLimit,
+            1.6,
+            Within(-0.05, 1.55),
+            "index.distal: position of 1.6 rad is past its limit, -0.05 to 1.55 rad is allowed",
         ),
         (
-            FaultCode::StaleSetPoint,
-            FaultSite::Finger,
-            f64::INFINITY,
-            "index has no set-point",
-        ),
-        (
+            of_distal,
             FaultCode::Jump,
-            FaultSite::Joint(9),
             0.5,
-            "index.9 jumped: it suddenly reads 0.500 rad",
+            AtMost(0.026),
+            "index.distal: position jumped by 0.5 rad, at most 0.026 rad is allowed",
+        ),
+        (
+            (Actuator(4), Position),
+            FaultCode::Stuck,
+            0.002,
+            AtMost(0.001),
+            "index.middle-flexor: position is stuck, it should have changed by 0.002 m, at most 0.001 m is allowed",
+        ),
+        (
+            (Actuator(4), Position),
+            FaultCode::OutOfRange,
+            0.2,
+            Within(-0.1, 0.1),
+            "index.middle-flexor: position of 0.2 m is out of its sensor's range, -0.1 to 0.1 m is allowed",
+        ),
+        (
+            of_distal,
+            FaultCode::NotFinite,
+            f64::NAN,
+            Requirement::Finite,
+            "index.distal: position, or its set-point, is NaN, it must be a finite number",
+        ),
+        (
+            of_index,
+            FaultCode::MissedDeadline,
+            0.004,
+            AtMost(0.00375),
+            "index: missed deadline, 0.004 s after the tick before, at most 0.00375 s is allowed",
+        ),
+        (
+            of_index,
+            FaultCode::StaleSetPoint,
+            0.0625,
+            AtMost(0.06),
+            "index: no new set-point, the last one is 0.0625 s old, at most 0.06 s is allowed",
+        ),
+        (
+            of_index,
+            FaultCode::StaleSetPoint,
+            f64::INFINITY,
+            AtMost(0.06),
+            "index: no set-point, at most 0.06 s without one is allowed",
         ),
     ] {
-        let fault = FingerFault { code, site, value };
+        let fault = Fault {
+            place,
+            quantity,
+            code,
+            value,
+            allowed,
+        };
+        assert!(!allowed.holds(value), "{fault:?}");
         assert_eq!(fault.of(&hand.fingers[0]).to_string(), said);
     }
 }

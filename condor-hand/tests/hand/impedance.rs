@@ -257,6 +257,7 @@ fn an_impedance_is_bounded_and_an_error_names_the_value_and_the_bounds() {
         kept,
         FingerReadings {
             position: *bench.finger.q(),
+            actuator_position: [0.0; 8],
             effort: *bench.finger.efforts(),
             touch: 0.0,
         },

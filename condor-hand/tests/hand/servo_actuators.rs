@@ -259,6 +259,7 @@ fn joints_that_change_to_efforts_together_keep_the_means() {
         };
         let sensed = FingerReadings {
             position: start + SVector::repeat(count),
+            actuator_position: [0.0; 8],
             effort,
             touch: 0.0,
         };
@@ -308,6 +309,7 @@ fn a_motor_without_a_sensor_has_no_fault_of_one() {
     }
     let sensed = FingerReadings {
         position: Vector2::new(0.2, -0.1),
+        actuator_position: [0.0; 2],
         effort: [f64::NAN, 1e9],
         touch: 0.0,
     };
@@ -515,6 +517,7 @@ fn a_transmission_whose_arm_changes_gives_the_force_that_the_posture_needs() {
     // If the position is not read, the servo goes on with the last one, and its arm.
     let blind = FingerReadings {
         position: Vector1::new(f64::NAN),
+        actuator_position: [0.0],
         effort: *bench.finger.efforts(),
         touch: 0.0,
     };
@@ -534,6 +537,7 @@ fn a_transmission_gives_the_torques_of_the_posture_and_not_those_of_the_first_on
     let mut servo = FingerServo::new(ROD, crank, &settings(EffortGains::default())).unwrap();
     let sensed = FingerReadings {
         position: Vector1::zeros(),
+        actuator_position: [0.0],
         effort: [0.0],
         touch: 0.0,
     };
@@ -559,6 +563,7 @@ fn a_joint_that_nothing_moves_has_no_torque() {
     let mut servo = FingerServo::new(wrist.chain(), transmission, &settings).unwrap();
     let sensed = FingerReadings {
         position: Vector2::new(0.2, -0.1),
+        actuator_position: [0.0; 2],
         effort: [0.0; 2],
         touch: 0.0,
     };

@@ -356,6 +356,7 @@ fn shaken(feed_forward: bool) -> f64 {
         let of_finger = &plant.fingers()[0];
         let sensed = FingerReadings {
             position: *of_finger.q(),
+            actuator_position: [0.0; 8],
             effort: *of_finger.efforts(),
             touch: 0.0,
         };

@@ -7,7 +7,7 @@ use condor_hand::config::{
     MotionNumber,
 };
 use condor_hand::controller::{AxisServo, FingerController};
-use condor_hand::fault::{FaultCode, FaultSite};
+use condor_hand::fault::{FaultCode, FaultPlace};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
 use condor_hand::servo::{FingerReadings, JointTarget, ServoMode, ServoRefusal};
@@ -72,6 +72,7 @@ fn controller(hand: &Hand<4, 4, 8>) -> Controller {
 fn tick(controller: &mut Controller, efforts: &mut [f64; 8]) -> Option<FaultCode> {
     let sensed = FingerReadings {
         position: Vector4::new(0.1, 0.6, 0.8, 0.7),
+        actuator_position: [0.0; 8],
         effort: *efforts,
         touch: 0.0,
     };
@@ -290,8 +291,8 @@ fn a_threshold_that_is_lowered_makes_its_fault() {
         fault = tick(&mut controller, &mut efforts);
     }
     assert_eq!(fault, Some(FaultCode::LowEffort));
-    let site = controller.fault().unwrap().site;
-    assert_eq!(site, FaultSite::Actuator(5));
+    let site = controller.fault().unwrap().place;
+    assert_eq!(site, FaultPlace::Actuator(5));
 }
 
 #[test]

@@ -28,15 +28,15 @@ const MOTOR_HAND: Robot = Robot {
     faults: &[
         (
             "fault index.middle position",
-            "index has a fault: index.middle is stuck",
+            "index has a fault: index.middle: position is stuck, it should have changed by ",
         ),
         (
             "fault thumb.proximal-motor drive",
-            "thumb has a fault: thumb.proximal is ",
+            "thumb has a fault: thumb.proximal: tracking error of ",
         ),
         (
             "fault ring.spread-motor drive",
-            "ring has a fault: ring.spread is ",
+            "ring has a fault: ring.spread: tracking error of ",
         ),
     ],
     variables: &[
@@ -55,11 +55,11 @@ const COUPLED_HAND: Robot = Robot {
     faults: &[
         (
             "fault index.middle position",
-            "index has a fault: index.middle is stuck",
+            "index has a fault: index.middle: position is stuck, it should have changed by ",
         ),
         (
             "fault ring.tip-flexor drive",
-            "ring has a fault: ring.tip-flexor has too little effort",
+            "ring has a fault: ring.tip-flexor: effort of ",
         ),
     ],
     variables: &["thumb.middle.position [rad]", "index.tip-flexor.effort [N]"],
@@ -71,8 +71,18 @@ const WAM_ARM: Robot = Robot {
     motions: &["ready", "reach"],
     time: "12s",
     faults: &[
-        ("fault arm.m4 drive", "arm has a fault: arm.elbow is "),
-        ("fault arm.m2 position", "arm has a fault: arm."),
+        (
+            "fault arm.m4 drive",
+            "arm has a fault: arm.elbow: tracking error of ",
+        ),
+        (
+            "fault arm.m2 position",
+            "arm has a fault: arm.m2: position is stuck, it should have changed by ",
+        ),
+        (
+            "fault arm.m4 position",
+            "arm has a fault: arm.m4: position is stuck, it should have changed by ",
+        ),
     ],
     variables: &["arm.twist.position [rad]", "arm.m3.command [N m]"],
 };

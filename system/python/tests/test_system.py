@@ -217,7 +217,7 @@ class SystemTest(unittest.TestCase):
         terminal = system.terminal("master")
         with system.watch("*.fault", "middle.*.effort") as watch:
             terminal.write("fault middle.proximal-flexor drive\n")
-            self.assertIn("has a fault", terminal.read_until("too little effort", DEADLINE_S))
+            self.assertIn("has a fault", terminal.read_until("is too low", DEADLINE_S))
             while True:
                 samples = watch.read(50, timeout=DEADLINE_S)
                 faulty = [it for it in fingers if samples[f"{it}.fault"].values[-1] != 0]

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::ops::Range;
 
-use condor_hand::config::{Actuator, Finger, Form, JointMotion, Name, Placement};
+use condor_hand::config::{Finger, Form, Name, Placement};
 
 use crate::{ACTUATORS, ALL, FINGERS, JOINTS, Mechanism, RobotDescription};
 
@@ -125,24 +125,6 @@ impl fmt::Display for ActuatorName<'_> {
                 "actuator {actuator} of finger {finger}, which the robot does not have"
             ),
         }
-    }
-}
-
-/// Returns the unit of the effort of an actuator: N m if the actuator pushes and pulls and its first joint turns, as that
-/// of a motor, and otherwise N, as that of a tendon.
-pub(crate) fn effort_unit(
-    finger: &Finger<JOINTS, ACTUATORS>,
-    actuator: &Actuator<JOINTS>,
-) -> &'static str {
-    let mut moved = (finger.joints.iter()).filter(|joint| finger.arm(actuator, joint) != 0.0);
-    let slides = moved
-        .next()
-        .and_then(|joint| joint.mount.as_ref())
-        .is_some_and(|mount| matches!(mount.motion, JointMotion::Prismatic(_)));
-    if actuator.limits.low < 0.0 && !slides {
-        "N m"
-    } else {
-        "N"
     }
 }
 

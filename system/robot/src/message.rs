@@ -56,7 +56,7 @@ use crate::packet::Packet;
 /// [`ServoHandler`] of the servo processor at this vector.
 pub const SERVO: Vector = Vector(32);
 /// The version of this protocol of servos. A client refuses a servo processor with another version.
-pub const VERSION: u32 = 8;
+pub const VERSION: u32 = 9;
 
 /// A request to the servos of a processor. Fingers, joints and actuators are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -188,7 +188,8 @@ pub type ServoResponsePacket<const N: usize> = Packet<ServoResponse<N>, VERSION,
 
 #[cfg(test)]
 mod tests {
-    use condor_hand::fault::{FaultCode, FaultSite, FingerFault};
+    use condor_hand::Requirement;
+    use condor_hand::fault::{Fault, FaultCode, FaultPlace, FaultQuantity};
     use condor_hand::servo::TargetQuantity;
     use condor_hand::trajectory::SetPoint;
 
@@ -200,10 +201,12 @@ mod tests {
         ServoStatus {
             modes: [ServoMode::Impedance; 32].into_iter().collect(),
             saturated: MOST,
-            fault: Some(FingerFault {
+            fault: Some(Fault {
+                place: FaultPlace::Actuator(usize::MAX),
+                quantity: FaultQuantity::Time,
                 code: FaultCode::Jump,
-                site: FaultSite::Actuator(usize::MAX),
                 value: 1.0,
+                allowed: Requirement::Within(0.0, 1.0),
             }),
             is_resting: true,
             restarts: MOST,

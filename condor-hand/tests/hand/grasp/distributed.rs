@@ -52,6 +52,7 @@ fn a_reading_that_is_none_does_not_end_a_grasp() {
         for (finger, position) in controllers.iter_mut().flatten().zip(&position) {
             let sensed = FingerReadings {
                 position: (*position).into(),
+                actuator_position: [0.0; 8],
                 effort: [20.0; 8],
                 touch: 0.0,
             };

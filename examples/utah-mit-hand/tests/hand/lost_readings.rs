@@ -4,7 +4,7 @@
 use std::sync::LazyLock;
 
 use condor_hand::controller::FingerController;
-use condor_hand::fault::{FaultCode, FaultSite, FingerFault};
+use condor_hand::fault::{Fault, FaultCode, FaultPlace};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{max, min};
 use condor_hand::plant::{self, PlantModel};
@@ -51,7 +51,7 @@ struct Finger<'h> {
     controller: FingerController<PlanarFinger, Actuators, JOINTS, ACTUATORS>,
     said: SVector<f64, JOINTS>,
     gravity: Vector3<f64>,
-    fault: Option<FingerFault>,
+    fault: Option<Fault>,
 }
 
 impl<'h> Finger<'h> {
@@ -91,6 +91,7 @@ impl<'h> Finger<'h> {
         let efforts = *self.plant.fingers()[0].efforts();
         let mut sensed = FingerReadings {
             position: SVector::zeros(),
+            actuator_position: [0.0; 8],
             effort: [0.0; ACTUATORS],
             touch: 0.0,
         };
@@ -152,7 +153,7 @@ fn set_points(hand: &RobotDescription, text: &str) -> [Vec<[SetPoint; JOINTS]>; 
 /// What became of a finger after a sensor of it was spoilt.
 struct Seen {
     joint: usize,
-    fault: Option<FingerFault>,
+    fault: Option<Fault>,
     /// In which tick the fault was seen, from 1.
     named: usize,
     /// The largest distance of any joint from where it would have been, in [`WATCHED`] ticks, degrees.
@@ -266,8 +267,8 @@ fn lose_all(spoil: Spoil, code: FaultCode) {
     spoil_each(WATCHED, spoil, |name, seen| {
         let fault = seen.fault.expect(name);
         assert_eq!(
-            (fault.code, fault.site),
-            (code, FaultSite::Joint(seen.joint))
+            (fault.code, fault.place),
+            (code, FaultPlace::Joint(seen.joint))
         );
         assert!(seen.named <= NAMED, "{name}: {} ticks", seen.named);
         worst = max(worst, seen.off_deg);
@@ -314,8 +315,8 @@ fn a_sensor_that_freezes_in_motion_is_recognised_within_a_few_ticks() {
             }
             let fault = seen.fault.expect(name);
             assert_eq!(
-                (fault.code, fault.site),
-                (FaultCode::Stuck, FaultSite::Joint(seen.joint))
+                (fault.code, fault.place),
+                (FaultCode::Stuck, FaultPlace::Joint(seen.joint))
             );
             assert!(seen.named <= NAMED, "{name}: {} ticks", seen.named);
             worst = max(worst, seen.off_deg);

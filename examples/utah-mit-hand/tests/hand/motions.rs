@@ -81,7 +81,7 @@ fn fingers_that_followed_a_master_give_up_though_the_next_one_is_back_before() {
         typist.runs("pinch");
         typist.restart(MASTER);
         for finger in ["index", "middle", "ring", "thumb"] {
-            let text = format!("{finger} has a fault: {finger} has no new set-point");
+            let text = format!("{finger} has a fault: {finger}: no new set-point");
             typist.expect(&text, 2.0);
         }
         let refused = typist.says("run open");

@@ -78,7 +78,7 @@ fn fingers_are_off_after_the_master_was_killed_until_a_person_enables_them() {
     up.expect("`help` lists the commands\n");
     for finger in ["index", "middle", "ring", "thumb"] {
         up.expect(&format!("{finger} has a fault"));
-        up.expect("has no new set-point");
+        up.expect("no new set-point");
     }
     let (is_done, text) = motion(&up);
     assert!(

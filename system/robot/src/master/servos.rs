@@ -4,12 +4,12 @@ use core::fmt::Arguments;
 use core::time::Duration;
 
 use condor_hand::config::Finger;
-use condor_hand::fault::FingerFault;
+use condor_hand::fault::Fault;
 use condor_hand::servo::{JointTarget, ServoMode, ServoRefusal};
 use condor_hand::trajectory::{Begin, MotionError, Pace, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
 use condor_rt::objects::{self as names, ObjectKind};
-use condor_rt::{Background, Machine, ProgramError, users};
+use condor_rt::{Background, Machine, ProgramError, ShortText, users};
 use condor_vars::VariableTable;
 
 use super::drive::{FingerServos, Link, Motion, OfServos, ServoIncarnation, SharedDrive, with};
@@ -55,7 +55,7 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     /// The last status of each finger.
     status: [Option<ServoStatus<JOINTS>>; FINGERS],
     /// The fault of each finger that was told last.
-    told: [Option<FingerFault>; FINGERS],
+    told: [Option<Fault>; FINGERS],
     /// Whether a finger that followed does not any more, since somebody asked.
     has_lost: bool,
     /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it
@@ -402,8 +402,13 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 status = self.refresh(finger)?;
             }
             if let Some(fault) = status.fault {
-                let (finger, code) = (name, fault.code);
-                return Err(Problem::Fault { finger, code });
+                let entry = self.hand.fingers.get(finger);
+                let text = entry.map_or(ShortText::of(""), |it| ShortText::of(&fault.of(it)));
+                return Err(Problem::Fault {
+                    finger: name,
+                    fault: text,
+                    code: fault.code,
+                });
             }
             if status.is_resting {
                 return Err(Problem::Resting(name));
@@ -582,7 +587,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 /// Says which fault a finger has, and what can be done.
 pub(super) fn tell_fault(
     finger: &Finger<JOINTS, ACTUATORS>,
-    fault: FingerFault,
+    fault: Fault,
     mut say: impl FnMut(Arguments<'_>),
 ) {
     let (name, remedy) = (&finger.name, fault.code.remedy());

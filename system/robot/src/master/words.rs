@@ -14,6 +14,7 @@ use condor_hand::trajectory::{MotionError, MotionGuard};
 use condor_hand::{ImageError, NumberError};
 use condor_mbox::AccessError;
 use condor_mbox::exchange::ExchangeError;
+use condor_rt::ShortText;
 use condor_rt::supervisor::SupervisorError;
 use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
@@ -121,8 +122,12 @@ pub(super) enum Problem<'l> {
     NoMotion,
     #[error("no finger holds the ball: `grasp` takes it")]
     NoGrasp,
-    #[error("{finger} still has its fault ({kind}): {remedy}", kind = .code.name(), remedy = .code.remedy())]
-    Fault { finger: Name, code: FaultCode },
+    #[error("{finger} still has its fault: {fault}; {remedy}", remedy = .code.remedy())]
+    Fault {
+        finger: Name,
+        fault: ShortText<200>,
+        code: FaultCode,
+    },
     #[error("{0} rests after a fault: `enable {0}` makes it hold its position")]
     AfterFault(Name),
     #[error(

@@ -52,7 +52,7 @@ use super::servo_loop::HandLoop;
 /// # let done = &done;
 /// std::thread::scope(|threads| {
 ///     // In each tick of the servo loop:
-///     # let sensed = FingerReadings { position: [0.1, 0.6, 0.8, 0.7].into(), effort: [4.0; 8], touch: 0.0 };
+///     # let sensed = FingerReadings { position: [0.1, 0.6, 0.8, 0.7].into(), actuator_position: [0.0; 8], effort: [4.0; 8], touch: 0.0 };
 ///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
 ///     servos.tick(0, &sensed, &hand.gravity.into(), 1.0 / 400.0);
 ///     # });

@@ -1,4 +1,4 @@
-use condor_hand::fault::FingerFault;
+use condor_hand::fault::Fault;
 use condor_hand::servo::ServoMode;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ pub struct ServoStatus<const N: usize> {
     /// A bit for each joint whose actuators cannot give the torque that it needs.
     pub saturated: u32,
     /// The first fault since the last restart; `None` if there was none.
-    pub fault: Option<FingerFault>,
+    pub fault: Option<Fault>,
     /// True after a fault, while the efforts of the finger go to rest or stay there.
     pub is_resting: bool,
     /// The number of restarts.

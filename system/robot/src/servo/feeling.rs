@@ -115,6 +115,7 @@ mod tests {
         let mut feeling = Feeling::new(&hand, hand.servo_hz);
         let calm = FingerReadings {
             position: Vector4::zeros(),
+            actuator_position: [0.0; 8],
             effort: [4.0; ACTUATORS],
             touch: 0.0,
         };

@@ -2,7 +2,7 @@
 
 use core::fmt::Arguments;
 
-use condor_hand::fault::FingerFault;
+use condor_hand::fault::Fault;
 use condor_hand::grasp::distributed::{GraspReason, GraspState};
 
 use crate::{FINGERS, RobotDescription};
@@ -11,7 +11,7 @@ use crate::{FINGERS, RobotDescription};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LoopNews {
     /// The fault of each finger of the hand.
-    pub(super) faults: [Option<FingerFault>; FINGERS],
+    pub(super) faults: [Option<Fault>; FINGERS],
     pub(super) grasp: (u64, GraspState, GraspReason),
     /// Transfers of boards that failed; wraps.
     pub(super) failures: u32,

@@ -11,7 +11,6 @@ use condor_vars::{ValueKind, VarDescription, Watch};
 
 use super::ServedFingers;
 use super::control::OfFingers;
-use crate::joints::effort_unit;
 use crate::{ACTUATORS, FINGERS, JOINTS};
 
 /// The variables of each joint: name, unit and description.
@@ -22,7 +21,7 @@ const JOINT: [Names; 5] = [
     ("torque", "N m", "Torque of the desired efforts."),
     ("error", "rad", "Target less position."),
 ];
-/// The variables of each actuator, after those of the joints. Their unit is that of [`effort_unit`].
+/// The variables of each actuator, after those of the joints. Their unit is that of [`Finger::effort_unit`].
 const ACTUATOR: [Names; 3] = [
     (
         "effort",
@@ -178,7 +177,7 @@ impl Watch for Variables<'_> {
             Part::Finger(&(FAULT, unit, about)) => (ValueKind::Choice, unit, about),
             Part::Finger(&(_, "", about)) => (ValueKind::U32, "", about),
             Part::Actuator(actuator, &(_, _, about)) => {
-                let unit = effort_unit(finger, finger.actuators.get(actuator)?);
+                let unit = finger.effort_unit(finger.actuators.get(actuator)?);
                 (ValueKind::F32, unit, about)
             }
             Part::Joint(_, &(_, unit, about)) | Part::Finger(&(_, unit, about)) => {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use condor_hand::config::Hand;
 use condor_hand::controller::FingerController;
-use condor_hand::fault::{FaultCode, FaultSite};
+use condor_hand::fault::{FaultCode, FaultPlace};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::{FingerReadings, JointTarget, ServoMode, ServoRefusal, TargetQuantity};
 use condor_hand::trajectory::{SetPoint, StopGuard};
@@ -45,6 +45,7 @@ fn hand() -> Hand<4, 4, 8> {
 fn sensed() -> FingerReadings<4, 8> {
     FingerReadings {
         position: Vector4::new(0.1, 0.6, 0.8, 0.7),
+        actuator_position: [0.0; 8],
         effort: [4.0; 8],
         touch: 0.0,
     }
@@ -278,7 +279,7 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     let status = client.status(0, SECOND).unwrap();
     let fault = status.fault.unwrap();
     assert_eq!(fault.code, FaultCode::NotFinite);
-    assert_eq!(fault.site, FaultSite::Joint(3));
+    assert_eq!(fault.place, FaultPlace::Joint(3));
     assert!(status.is_resting);
     assert_eq!(status.modes.as_slice(), [ServoMode::Off; 4]);
     assert_eq!(client.status(1, SECOND).unwrap().fault, None);

@@ -112,6 +112,7 @@ impl Hand {
         for (finger, controller) in self.controllers.iter_mut().enumerate() {
             let sensed = FingerReadings {
                 position: SVector::from(now[finger].map(|joint| joint.position)),
+                actuator_position: [0.0; 8],
                 effort: self.efforts[finger],
                 touch: 0.0,
             };

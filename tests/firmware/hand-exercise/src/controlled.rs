@@ -37,6 +37,7 @@ fn ticks(
     let mut between = Between::seeded(10);
     let mut sensed = FingerReadings {
         position: SVector::from([0.1, 0.6, 0.8, 0.7]),
+        actuator_position: [0.0; 8],
         effort: finger.efforts_at_rest(),
         touch: 0.0,
     };

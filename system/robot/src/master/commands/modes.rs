@@ -8,7 +8,7 @@ use condor_rt::Machine;
 
 use super::{Commands, Problem, Words, with};
 use crate::RobotDescription;
-use crate::joints::{ActuatorName, effort_unit};
+use crate::joints::ActuatorName;
 use crate::plant;
 
 /// The damping of an impedance for each unit of its stiffness, s, unless the command has one. Position laws of
@@ -44,7 +44,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         let effort = Decimal(effort);
         let described = self.hand.fingers.get(finger);
         let described = described.zip(self.hand.actuator(finger, actuator));
-        let unit = described.map_or("", |(finger, actuator)| effort_unit(finger, actuator));
+        let unit = described.map_or("", |(finger, actuator)| finger.effort_unit(actuator));
         self.say(format_args!("{name} has an effort of {effort} {unit}"));
         Ok(())
     }
