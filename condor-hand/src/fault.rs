@@ -8,14 +8,16 @@ mod code;
 mod encoder;
 mod finger;
 mod limits;
+mod observation;
 mod ramp;
 pub(crate) mod sensor;
 
 pub use crate::fault_code::FaultCode;
 pub use code::{Fault, FaultPlace, FaultQuantity};
-pub use finger::{FingerMonitor, Observation};
+pub use finger::FingerMonitor;
 pub use limits::{
     ActuatorFaultLimits, EncoderFaultLimits, FaultLimits, FaultRange, JointFaultLimits, Plausible,
     SensorFaultLimits, Stuck, Threshold,
 };
+pub use observation::Observation;
 pub use ramp::SafeRamp;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::Finger;
+use super::{Finger, Joint};
 use crate::decimal::Decimal;
 use crate::fault::{Fault, FaultCode, FaultPlace, FaultQuantity};
 use crate::number::Requirement;
@@ -124,7 +124,7 @@ impl<const J: usize, const A: usize> FaultText<'_, J, A> {
             }
             (FaultPlace::Joint(joint), _) => {
                 let joint = finger.joints.get(joint);
-                joint.map(|joint| joint.position_unit())
+                joint.map(Joint::position_unit)
             }
             (FaultPlace::Finger, _) => None,
         };
@@ -146,7 +146,7 @@ impl fmt::Display for Number {
     }
 }
 
-/// What is allowed, with the unit.
+/// The requirement on a value, with its unit.
 struct Bound(Requirement, &'static str);
 
 impl fmt::Display for Bound {

@@ -35,9 +35,9 @@ pub enum FaultQuantity {
     Time,
 }
 
-/// A fault of a finger: its kind, the part that has it, the value that showed it, and what would have been allowed.
+/// A fault of a finger: its kind, the part that has it, the value that showed it, and the bound that the value passed.
 ///
-/// The value and what is allowed have one unit, that of the quantity:
+/// The value and the bound have one unit, that of the quantity:
 ///
 /// | code | value |
 /// |---|---|
@@ -58,6 +58,6 @@ pub struct Fault {
     pub code: FaultCode,
     /// The value of the sample that made it a fault.
     pub value: f64,
-    /// What is allowed of the value, by the limits when the fault occurred.
+    /// The requirement that the value did not meet, by the limits when the fault occurred.
     pub allowed: Requirement,
 }

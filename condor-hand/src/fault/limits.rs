@@ -81,7 +81,7 @@ pub struct EncoderFaultLimits {
     pub sensor: SensorFaultLimits,
     /// A bit for each joint whose position is computed from this sensor.
     pub tells: u32,
-    /// How far the actuator goes if each joint that it moves goes by 1: the sum of the sizes of its arms.
+    /// The sum of the sizes of its arms: the way of the actuator if each joint that it moves goes by 1.
     pub arms: f64,
 }
 

@@ -56,7 +56,7 @@ impl FaultRange {
     }
 }
 
-/// What is checked, and the first fault of all places, which stays.
+/// The place that is checked, and the first fault of all places, which stays.
 pub(super) struct Latch<'a> {
     pub(super) first: &'a mut Option<Fault>,
     pub(super) place: FaultPlace,

@@ -10,6 +10,7 @@ use condor_hand::Subject;
 use condor_hand::config::{Channel, Hand, InputChannel, Wire};
 use condor_hand::controller::{FingerController, FingerSensors};
 use condor_hand::fault::{Fault, FaultCode, FaultPlace, FaultQuantity};
+use condor_hand::math::sin_cos;
 use condor_hand::plant::PlantModel;
 use condor_hand::servo::JointTarget;
 use condor_hand::trajectory::SetPoint;
@@ -110,7 +111,7 @@ fn fault_in_motion(of_joints: Change<'_>, of_encoders: Change<'_>) -> Option<Fau
     let mut controller = FingerController::new(&hand, wrist, chain, transmission).unwrap();
     let sensors = FingerSensors::new(wrist).unwrap();
     let gravity = Vector3::from(hand.gravity);
-    let along = |tick: i32| 0.4 * (3.0 * f64::from(tick) / HZ).cos();
+    let along = |tick: i32| 0.4 * sin_cos(3.0 * f64::from(tick) / HZ).1;
     let wanted = |tick: i32| Vector2::new(along(tick), 0.3 * along(tick));
     let changed = |change: Change<'_>, tick: i32, now: Vector2<f64>, begun: Vector2<f64>| {
         let change = |place: usize| change(place, now[place], begun[place]);
