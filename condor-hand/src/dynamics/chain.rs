@@ -51,6 +51,7 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
         let links = self.moved(q);
         let mut free = torque - self.torque(&links, qd, &SVector::zeros(), gravity);
         let mut mass = self.mass(&links);
+        let count = self.links().len();
         for (i, moves) in self.moving(|_| true).into_iter().enumerate() {
             if moves {
                 mass[(i, i)] += armature[i];
@@ -59,7 +60,7 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
                 free[i] = 0.0;
             }
         }
-        let acceleration = Ldl::new(&mass)?.solve(&free);
+        let acceleration = Ldl::leading(&mass, count)?.solve(&free);
         acceleration
             .iter()
             .all(|&entry| is_finite(entry))

@@ -179,9 +179,17 @@ where
         let qdd = self.accelerations(gravity, &applied, &armature)?;
         let qd = self.qd + qdd * dt;
         let q = self.q + qd * dt;
-        all_finite("the rate that a joint would have, rad/s", qd.iter())?;
-        all_finite("the position that a joint would have, rad", q.iter())?;
-        all_finite("an effort", efforts.iter())?;
+        let (joints, actuators) = (self.parameters.joints.len(), self.parameters.drives.len());
+        let (rates, positions) = (qd.as_slice().iter(), q.as_slice().iter());
+        all_finite(
+            "the rate that a joint would have, rad/s",
+            rates.take(joints),
+        )?;
+        all_finite(
+            "the position that a joint would have, rad",
+            positions.take(joints),
+        )?;
+        all_finite("an effort", efforts.iter().take(actuators))?;
         self.q = q;
         self.qd = qd;
         self.drives = drives;

@@ -1,4 +1,4 @@
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 
 use super::check::all_finite;
 use super::contact::{SimContact, SimSurface};
@@ -119,6 +119,10 @@ where
         }
         let mut on_object = self.disturbance;
         for ((finger, tip), commands) in self.fingers.iter_mut().zip(&mut self.tips).zip(commands) {
+            if self.object.is_none() && tip.disturbance == Wrench::zero() {
+                finger.advance(dt, commands, &gravity, &SVector::zeros())?;
+                continue;
+            }
             let (pose, jacobian) = finger.mechanism().kinematics(finger.q());
             let twist = jacobian * finger.qd();
             let velocity = twist.fixed_rows::<3>(0).into_owned();

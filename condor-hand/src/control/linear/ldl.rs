@@ -9,6 +9,8 @@ use crate::math::is_finite;
 pub struct Ldl<const N: usize> {
     /// L below the diagonal, and the reciprocals of D on it; what is above is not used.
     factors: SMatrix<f64, N, N>,
+    /// The number of rows that were factored.
+    size: usize,
 }
 
 impl<const N: usize> Ldl<N> {
@@ -17,8 +19,16 @@ impl<const N: usize> Ldl<N> {
     #[inline(always)]
     #[must_use]
     pub fn new(matrix: &SMatrix<f64, N, N>) -> Option<Self> {
+        Self::leading(matrix, N)
+    }
+
+    /// Factors the first `size` rows and columns of a matrix, like [`new`](Self::new); the others do not count.
+    #[inline(always)]
+    #[must_use]
+    pub fn leading(matrix: &SMatrix<f64, N, N>, size: usize) -> Option<Self> {
         let mut factors = *matrix;
-        for j in 0..N {
+        let size = size.min(N);
+        for j in 0..size {
             let mut pivot = *factors.get((j, j))?;
             for k in 0..j {
                 // Until here, the entries left of the diagonal are those of L D.
@@ -33,32 +43,32 @@ impl<const N: usize> Ldl<N> {
                 return None;
             }
             *factors.get_mut((j, j))? = reciprocal;
-            for i in j + 1..N {
+            for i in j + 1..size {
                 for k in 0..j {
                     let known = *factors.get((i, k))? * *factors.get((j, k))?;
                     *factors.get_mut((i, j))? -= known;
                 }
             }
         }
-        Some(Self { factors })
+        Some(Self { factors, size })
     }
 
     /// Returns the solution x of the linear system `matrix x = right`, with the matrix that was
-    /// factored. x is not finite if the exact solution is not.
+    /// factored. x is not finite if the exact solution is not. Beyond the rows that were factored it is `right`.
     #[inline(always)]
     #[must_use]
     pub fn solve(&self, right: &SVector<f64, N>) -> SVector<f64, N> {
         let mut x = *right;
-        for i in 0..N {
+        for i in 0..self.size {
             for k in 0..i {
                 self.eliminate(&mut x, i, (i, k), k);
             }
         }
-        for i in (0..N).rev() {
+        for i in (0..self.size).rev() {
             if let (Some(entry), Some(&reciprocal)) = (x.get_mut(i), self.factors.get((i, i))) {
                 *entry *= reciprocal;
             }
-            for k in i + 1..N {
+            for k in i + 1..self.size {
                 self.eliminate(&mut x, i, (k, i), k);
             }
         }

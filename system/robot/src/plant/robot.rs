@@ -199,7 +199,7 @@ impl Robot {
             self.remove_ball();
         }
         for finger in self.hand.fingers() {
-            for position in finger.q() {
+            for position in finger.q().iter().take(finger.parameters().joints.len()) {
                 self.hash.add(&position.to_le_bytes());
             }
         }

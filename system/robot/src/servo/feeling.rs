@@ -105,7 +105,7 @@ fn raise(greatest: &mut f64, value: f64) {
 mod tests {
     use super::*;
     use condor_hand::servo::FingerReadings;
-    use nalgebra::Vector4;
+    use nalgebra::SVector;
 
     #[test]
     fn what_lasted_a_tick_is_felt_for_a_tick_of_the_trajectories() {
@@ -113,9 +113,9 @@ mod tests {
         let hand = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
         let actuators = hand.fingers[1].transmission().unwrap();
         let mut feeling = Feeling::new(&hand, hand.servo_hz);
-        let calm = FingerReadings {
-            position: Vector4::zeros(),
-            actuator_position: [0.0; 8],
+        let calm = FingerReadings::<{ crate::JOINTS }, ACTUATORS> {
+            position: SVector::zeros(),
+            actuator_position: [0.0; ACTUATORS],
             effort: [4.0; ACTUATORS],
             touch: 0.0,
         };

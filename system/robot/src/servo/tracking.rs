@@ -263,10 +263,17 @@ impl Figures {
 mod tests {
     use super::*;
 
+    /// The targets of the first joints of a finger; the others follow nothing.
+    fn targets(first: [Option<f64>; 4]) -> [Option<f64>; JOINTS] {
+        let mut targets = [None; JOINTS];
+        targets[..4].copy_from_slice(&first);
+        targets
+    }
+
     #[test]
     fn only_what_is_controlled_counts() {
         let mut tracking = Figures::default();
-        let target = [Some(0.5), None, Some(1.0), Some(0.0)];
+        let target = targets([Some(0.5), None, Some(1.0), Some(0.0)]);
         tracking.add(1, &target, [0.2, 9.0, f64::NAN, 0.0].iter());
         tracking.add(1, &target, [0.9, 9.0, 1.0, 0.0].iter());
         let rms = tracking.rms_rad(1, 0).unwrap();
@@ -326,7 +333,7 @@ mod tests {
         // The third joint moves, beside one that follows nothing and one that is pushed aside meanwhile.
         let mut tick = |target: Option<f64>, position: f64| {
             let aside = if target == Some(0.0) { 0.9 } else { 0.5 };
-            let targets = [Some(0.5), None, target, target];
+            let targets = targets([Some(0.5), None, target, target]);
             tracker.add(0, &targets, [aside, 0.0, position, position].iter());
             let beside = tracker.tracking.whole.peak_rad(0, 0).unwrap();
             assert!(beside < 1e-12, "{beside}");
