@@ -79,7 +79,8 @@ mod hand;
 mod image;
 mod limits;
 mod mistake;
-mod rotation;
+#[cfg(feature = "text")]
+mod motions;
 #[cfg(feature = "text")]
 mod text;
 mod tunable;
@@ -89,6 +90,7 @@ mod wiring;
 
 pub(crate) use tunable::{ActuatorNumbers, JointNumbers};
 
+pub use crate::rotation::Rotation;
 #[cfg(feature = "text")]
 pub use condor_toml::TextError;
 pub use fault_text::FaultText;
@@ -103,7 +105,6 @@ pub use hand::{
 };
 pub use limits::{Limits, MotionLimits};
 pub use mistake::{Allowed, Mistake, MistakePath, MistakePlace, MistakeValue};
-pub use rotation::Rotation;
 #[cfg(feature = "text")]
 pub use text::line_of;
 pub use tunable::{

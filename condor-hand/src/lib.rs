@@ -44,6 +44,7 @@ pub mod kinematics;
 pub mod math;
 mod number;
 mod pose;
+mod rotation;
 
 // A hand to try them on.
 #[cfg(feature = "sim")]

@@ -54,7 +54,8 @@ pub struct PoseSearch<const N: usize> {
     pub preferred: Option<SVector<f64, N>>,
     /// The distance from the target at which a tip has reached it, m; 1e-9 from [`new`](Self::new).
     pub position: f64,
-    /// The angle from the target at which a tip has reached it, rad; 1e-9 from [`new`](Self::new).
+    /// The angle from the target at which a tip has reached it, rad; 1e-9 from [`new`](Self::new). No angle is above π,
+    /// so with π or more any orientation will do: only the position counts.
     pub rotation: f64,
     /// The greatest number of attempts after the first one, 64 from [`new`](Self::new). With 0 the result is on the
     /// same branch as the present posture.
@@ -72,7 +73,7 @@ pub struct Reach<const N: usize> {
     pub is_reached: bool,
     /// The distance of the tip from the target, m.
     pub position: f64,
-    /// The angle of the rotation from the tip to the target, rad.
+    /// The angle of the rotation from the tip to the target, rad; 0 if any orientation will do.
     pub rotation: f64,
     /// The joints that would bring the tip nearer to a target that is not reached if their limits were wider, with the
     /// side of the limit.
@@ -137,7 +138,11 @@ impl<const N: usize> PoseSearch<N> {
             limits: &self.limits,
             target: *target,
             size: length,
-            length,
+            length: if self.is_any_orientation() {
+                0.0
+            } else {
+                length
+            },
             stride: STRIDE,
             enough: (self.position, self.rotation),
         };
@@ -152,6 +157,11 @@ impl<const N: usize> PoseSearch<N> {
             (best, steps) = (place, more.saturating_add(steps));
         }
         Ok(Reach::of(&goal, &best, restarts, steps))
+    }
+
+    /// Whether only the position of the tip counts.
+    pub(crate) fn is_any_orientation(&self) -> bool {
+        self.rotation >= core::f64::consts::PI
     }
 
     /// Begins again until an attempt reaches the goal. Returns the place that is nearest to it, the number of attempts

@@ -2,6 +2,8 @@
 
 mod error;
 
+use core::ops::Range;
+
 pub use error::{JointPathError, PathDeviation};
 use heapless::Vec;
 use nalgebra::SVector;
@@ -60,7 +62,7 @@ const JUMP: f64 = 0.5;
 /// let allowed = PathDeviation { position: 1e-4, rotation: 1e-3 };
 /// let joints = JointPath::along(&line, &arm, &search, &present, &allowed)?;
 /// // At the highest speed that the limits of a generator permit, by the joints 0 to 6.
-/// let primitive = joints.primitive::<7>(0, Pace::Speed(1.0))?;
+/// let primitive = joints.primitive::<7>(0..7, Pace::Speed(1.0))?;
 /// assert!(joints.deviation().position <= 1e-4 && primitive.mask == 0b111_1111);
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
@@ -76,7 +78,8 @@ impl<const N: usize> JointPath<N> {
     ///
     /// `search` has the limits, the accuracy, and the posture that a redundant mechanism prefers: that of the start if it
     /// names none. Its restarts are not used, since they would leave the branch. The tip is compared with the path at 8
-    /// points between each two postures, and may be off by `allowed`.
+    /// points between each two postures, and may be off by `allowed`. If the accuracy of the rotation is π or more, any
+    /// orientation will do: the tip follows the path with its position alone, and no deviation has an angle.
     ///
     /// # Errors
     /// [`JointPathError::OutOfReach`] or [`Limit`](JointPathError::Limit) if no posture of the branch brings the tip to
@@ -93,7 +96,7 @@ impl<const N: usize> JointPath<N> {
         not_negative("the distance that is permitted, m,", allowed.position)?;
         not_negative("the angle that is permitted, rad,", allowed.rotation)?;
         check_start(search, start)?;
-        let off = deviation(&mechanism.tip(start), &path.at(0.0));
+        let off = deviation(search, &mechanism.tip(start), &path.at(0.0));
         if !is_allowed(&off, allowed) {
             return Err(JointPathError::Deviation { fraction: 0.0, off });
         }
@@ -119,7 +122,7 @@ impl<const N: usize> JointPath<N> {
         };
         let splines = joints.splines()?;
         check_ranges(&search, &splines)?;
-        joints.deviation = compare(path, mechanism, &splines, allowed)?;
+        joints.deviation = compare(path, mechanism, &search, &splines, allowed)?;
         Ok(joints)
     }
 
@@ -152,8 +155,9 @@ impl<const N: usize> JointPath<N> {
         Ok(duration)
     }
 
-    /// Returns the motion of the joints `first` to `first + N - 1`, of J, along the path. It must start at rest in the
-    /// first posture of the path.
+    /// Returns the motion of the joints with the numbers `joints`, of J, along the path: the first joint of the mechanism
+    /// is that of the first number. It must start at rest in the first posture of the path. If there are fewer numbers
+    /// than N, the last joints of the mechanism are left out, such as those that a finger of a configuration does not have.
     ///
     /// With [`Pace::Speed`] the [`Generator`](super::Generator) chooses the shortest duration with which all joints keep
     /// that share of their velocities, and their accelerations. The tip keeps to the path also while the motion stops.
@@ -162,21 +166,22 @@ impl<const N: usize> JointPath<N> {
     /// [`MotionError::NoJoint`] if a joint does not exist.
     pub fn primitive<const J: usize>(
         &self,
-        first: usize,
+        joints: Range<usize>,
         pace: Pace,
     ) -> Result<Primitive<J>, MotionError> {
         let mut primitive = Primitive::new(pace, Profile::Cubic);
         if let Some(last) = self.knots.last() {
-            for (number, &position) in last.iter().enumerate() {
-                let joint = first.saturating_add(number);
+            for (joint, &position) in joints.clone().zip(last) {
                 primitive = primitive.with(joint, Target::Absolute(position))?;
             }
         }
         let inner = self.postures().skip(1).take(KNOTS - 2);
         for (at, posture) in inner {
             let mut positions = [0.0; J];
-            for (place, &position) in positions.iter_mut().skip(first).zip(posture.iter()) {
-                *place = position;
+            for (joint, &position) in joints.clone().zip(posture) {
+                if let Some(place) = positions.get_mut(joint) {
+                    *place = position;
+                }
             }
             let _ = primitive.vias.push(Via { at, positions });
         }
@@ -333,11 +338,15 @@ fn check_ranges<const N: usize>(
     Ok(())
 }
 
-fn deviation(tip: &Pose, target: &Pose) -> PathDeviation {
+fn deviation<const N: usize>(search: &PoseSearch<N>, tip: &Pose, target: &Pose) -> PathDeviation {
     let turn = rotation_vector(&(target.rotation * tip.rotation.transpose()));
     PathDeviation {
         position: sqrt((target.position - tip.position).norm_squared()),
-        rotation: sqrt(turn.norm_squared()),
+        rotation: if search.is_any_orientation() {
+            0.0
+        } else {
+            sqrt(turn.norm_squared())
+        },
     }
 }
 
@@ -349,6 +358,7 @@ fn is_allowed(off: &PathDeviation, allowed: &PathDeviation) -> bool {
 fn compare<M: Kinematics<N>, const N: usize>(
     path: &CartesianPath,
     mechanism: &M,
+    search: &PoseSearch<N>,
     splines: &[Spline<KNOTS>],
     allowed: &PathDeviation,
 ) -> Result<PathDeviation, JointPathError> {
@@ -361,7 +371,7 @@ fn compare<M: Kinematics<N>, const N: usize>(
         }
         let fraction = smooth(share);
         let (tip, target) = (mechanism.tip(&q), path.at(fraction));
-        let off = deviation(&tip, &target);
+        let off = deviation(search, &tip, &target);
         let worst = refused.map_or(0.0, |(_, off)| off.position);
         if !is_allowed(&off, allowed) && (refused.is_none() || off.position > worst) {
             refused = Some((fraction, off));

@@ -22,3 +22,5 @@ mod stopped;
 mod stream;
 #[cfg(feature = "text")]
 mod text;
+#[cfg(feature = "text")]
+mod tip;

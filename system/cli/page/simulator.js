@@ -49,7 +49,10 @@ export class Simulator {
     this.steps = new Steps(at('steps'), {
       changed: steps => this.written(steps),
       show: edited(positions => this.take(positions)),
-      state: () => ({ names: this.robot.joints.map(joint => joint.name), from: this.from, positions: this.positions }),
+      state: () => ({
+        names: this.robot.joints.map(joint => joint.name), from: this.from, positions: this.positions,
+        planned: time => this.plan.plan && posture(this.plan.plan, time),
+      }),
     });
     const nodes = { said: at('plan-said'), all: at('plan'), warned: at('warnings'), peaks: at('peaks'), curves: at('curves'), events: at('events') };
     this.plan = new Plan(nodes, draw);

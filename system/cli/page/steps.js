@@ -11,19 +11,28 @@ const USUAL = { duration: 1, speed: 0.1 };
 // The least difference of positions that a step moves, rad or m.
 const LEAST = 1e-4;
 
-// Returns the positions after so many steps from others.
-function after(steps, from, names, count) {
+// Returns the line or the arc along which a step takes a tip, if it does.
+const path = ({ line, arc }) => line ?? arc;
+
+// Returns the positions after so many steps from others; `planned` returns those of the plan at the end of a step, if
+// there is one.
+function after(steps, from, names, count, planned) {
   const positions = new Map(names.map((name, joint) => [name, from[joint]]));
-  for (const { to = {}, by = {} } of steps.slice(0, count)) {
+  steps.slice(0, count).forEach((step, number) => {
+    const { to = {}, by = {} } = step;
     for (const [name, position] of Object.entries(to)) positions.set(name, position);
     for (const [name, more] of Object.entries(by)) positions.set(name, positions.get(name) + more);
-  }
+    const found = path(step) && planned(number);
+    names.forEach((name, joint) => {
+      if (found && name.startsWith(`${path(step).finger}.`)) positions.set(name, found[joint]);
+    });
+  });
   return names.map(name => positions.get(name));
 }
 
 export class Steps {
   // `changed` is called with other steps, and `show` with a posture. `state` returns the names of joints, the
-  // positions at the start, and the present ones.
+  // positions at the start, the present ones, and a function that returns those of the plan at a time, if there is one.
   constructor(list, { changed, show, state }) {
     Object.assign(this, { list, changed, show, state, steps: [], spans: [], duration: 0, open: new Set() });
   }
@@ -52,10 +61,16 @@ export class Steps {
     this.change(steps);
   }
 
+  // Returns the positions after so many steps.
+  after(count) {
+    const { names, from, planned } = this.state();
+    return after(this.steps, from, names, count, number => this.spans[number] && planned(this.spans[number][1]));
+  }
+
   // Adds a step to the present posture; returns the reason for which it cannot.
   add() {
-    const { names, from, positions } = this.state();
-    const end = after(this.steps, from, names, this.steps.length);
+    const { names, positions } = this.state();
+    const end = this.after(this.steps.length);
     const to = this.targets(names, positions, end);
     if (!Object.keys(to).length) return 'The motion ends in this posture already: move a joint or a tip first.';
     this.change([...this.steps, { profile: PROFILES[0], duration: USUAL.duration, to }]);
@@ -69,8 +84,8 @@ export class Steps {
 
   // Takes the present posture as the target of a step.
   replace(number) {
-    const { names, from, positions } = this.state();
-    const before = after(this.steps, from, names, number);
+    const { names, positions } = this.state();
+    const before = this.after(number);
     this.edit(number, step => {
       const isOf = name => name in (step.to ?? {}) || name in (step.by ?? {});
       const own = names.filter(isOf).map(name => [name, short(positions[names.indexOf(name)])]);
@@ -88,8 +103,8 @@ export class Steps {
 
   // Has a step pass the present posture on its way.
   pass(number) {
-    const { names, from, positions } = this.state();
-    const before = after(this.steps, from, names, number);
+    const { names, positions } = this.state();
+    const before = this.after(number);
     this.edit(number, step => {
       const of = name => positions[names.indexOf(name)] - (name in (step.by ?? {}) ? before[names.indexOf(name)] : 0);
       const all = [...Object.keys(step.to ?? {}), ...Object.keys(step.by ?? {})];
@@ -142,35 +157,33 @@ export class Steps {
     }));
     const size = pace === 'duration' ? 'Duration, s' : 'Speed, part of 1';
     const profiles = Object.fromEntries(PROFILES.map(name => [name, name]));
+    // A line or an arc begins at rest, and has one profile.
+    const isPath = Boolean(path(step));
+    const { now, ...atRest } = BEGINS;
     const fields = [
       paces,
       this.number(number, size, step[pace], set(pace)),
-      this.choice(number, 'Profile', profiles, step.profile, set('profile')),
-      this.choice(number, 'Begins', BEGINS, step.begin ?? 'after', set('begin')),
-      this.number(number, 'Blend, s', step.blend ?? 0, set('blend')),
+      !isPath && this.choice(number, 'Profile', profiles, step.profile, set('profile')),
+      this.choice(number, 'Begins', isPath ? atRest : { ...atRest, now }, step.begin ?? 'after', set('begin')),
+      !isPath && this.number(number, 'Blend, s', step.blend ?? 0, set('blend')),
       this.choice(number, 'At its end', ENDS, step['on-end'] ?? 'next', set('on-end')),
-    ];
+    ].filter(Boolean);
     const vias = (step.via ?? []).map((via, place) => this.via(number, via, place));
     const conditions = [condition('Begins on', step.start), condition('Stops on', step.stop)].filter(Boolean);
     const last = this.steps.length - 1;
     const buttons = [
-      this.button(number, 'show', 'Show its end', () => this.show(this.end(number))),
-      this.button(number, 'replace', 'End in the present posture', () => this.replace(number)),
-      this.button(number, 'pass', 'Pass the present posture', () => this.pass(number)),
+      this.button(number, 'show', 'Show its end', () => this.show(this.after(number + 1))),
+      !isPath && this.button(number, 'replace', 'End in the present posture', () => this.replace(number)),
+      !isPath && this.button(number, 'pass', 'Pass the present posture', () => this.pass(number)),
       this.button(number, 'earlier', 'Earlier', () => this.move(number, number - 1), number === 0),
       this.button(number, 'later', 'Later', () => this.move(number, number + 1), number === last),
       this.button(number, 'remove', 'Remove', () => this.remove(number)),
-    ];
+    ].filter(Boolean);
     return element('div', { className: 'step' },
       element('div', { className: 'fields' }, ...fields),
-      ...targets('Moves to', step.to), ...targets('Moves by', step.by), ...vias,
+      ...targets('Moves to', step.to), ...targets('Moves by', step.by), ...along(step), ...vias,
       ...conditions.map(textContent => element('p', { textContent })),
       element('div', { className: 'bar' }, ...buttons));
-  }
-
-  end(number) {
-    const { names, from } = this.state();
-    return after(this.steps, from, names, number + 1);
   }
 
   via(number, via, place) {
@@ -220,8 +233,9 @@ export class Steps {
   }
 }
 
-function about({ duration, speed, profile, to = {}, by = {} }) {
+function about({ duration, speed, profile, to = {}, by = {}, line, arc }) {
   const pace = speed === undefined ? `${duration} s` : `${(100 * speed).toFixed(0)} % of the limits`;
+  if (line ?? arc) return `${(line ?? arc).finger} along ${line ? 'a line' : 'an arc'}, ${pace}`;
   const names = [...Object.keys(to), ...Object.keys(by)];
   const joints = names.length > 2 ? `${names.length} joints` : names.join(', ');
   return `${joints}, ${profile}, ${pace}`;
@@ -230,6 +244,14 @@ function about({ duration, speed, profile, to = {}, by = {} }) {
 function targets(label, joints = {}) {
   const all = Object.entries(joints).map(([name, position]) => `${name} ${position}`);
   return all.length ? [element('p', { textContent: `${label}: ${all.join(', ')}` })] : [];
+}
+
+function along({ line, arc }) {
+  const way = line ?? arc;
+  if (!way) return [];
+  const point = numbers => `(${numbers.join(', ')}) m`;
+  const parts = [arc && `through ${point(arc.through)}`, way.to && `to ${point(way.to)}`, way.by && `by ${point(way.by)}`];
+  return [element('p', { textContent: `Its tip goes ${parts.filter(Boolean).join(' ')}` })];
 }
 
 function condition(label, { torque, effort, time, contact } = {}) {

@@ -3,7 +3,6 @@
 use condor_hand::config::{self, Converter, Wire};
 use condor_hand::trajectory::Primitive;
 use condor_hand::trajectory::image::encode;
-use condor_hand::trajectory::motion::load;
 use condor_host::robot::{Robot as _, Simulator as _};
 use condor_scene::HandView;
 use pyo3::prelude::*;
@@ -25,7 +24,7 @@ const BYTES: usize = 8192;
 /// A hand, computed from its configuration alone: its joints and links, and the motions that its master would make.
 #[pyclass(frozen)]
 pub(crate) struct Hand {
-    name: String,
+    hand: config::Hand<FINGERS, JOINTS, ACTUATORS>,
     view: HandView<FINGERS, JOINTS, ACTUATORS>,
     wires: Vec<WiringRow>,
 }
@@ -48,9 +47,9 @@ impl Hand {
         let read = py.detach(|| {
             let hand = config::Hand::from_toml(text, file)?;
             Ok::<_, Failure>(Self {
-                name: hand.name.to_string(),
                 view: HandView::new(&hand),
                 wires: wired(&hand),
+                hand,
             })
         });
         Ok(read?)
@@ -58,7 +57,7 @@ impl Hand {
 
     /// Returns the name of the hand.
     fn name(&self) -> &str {
-        &self.name
+        &self.hand.name
     }
 
     /// Returns `(name, least position, greatest position)` of each joint, rad.
@@ -145,11 +144,9 @@ impl Hand {
     /// errors.
     fn compile(&self, py: Python<'_>, motion: &str, file: &str) -> PyResult<Vec<u8>> {
         let compiled = py.detach(|| {
-            let joints = self.view.joints();
-            let names: Vec<_> = joints.iter().map(|joint| &joint.name).collect();
-            let motions: Vec<Primitive<MOVED>> = load(motion, file, &names)?;
+            let motions: Vec<Primitive<MOVED>> = self.hand.motions(motion, file)?;
             let mut bytes = vec![0; BYTES];
-            let length = encode(joints.len(), &motions, &mut bytes)
+            let length = encode(self.view.joints().len(), &motions, &mut bytes)
                 .map_err(|error| Failure::refused(format!("{file}: {error}")))?;
             bytes.truncate(length);
             Ok::<_, Failure>(bytes)

@@ -10,8 +10,8 @@ use std::vec::Vec;
 
 use condor_hand::config::{ControlProcessor, PROCESSORS, ProcessorKind, TextError};
 use condor_hand::grasp::distributed::GraspSettings;
+use condor_hand::trajectory::Primitive;
 use condor_hand::trajectory::image::encode;
-use condor_hand::trajectory::motion::load;
 use condor_platform::linux::{WholeFile, read_text};
 use thiserror::Error;
 
@@ -164,7 +164,7 @@ pub fn compile_all(
     write(&path, &image)?;
     let motions = texts.join("motions");
     if motions.is_dir() {
-        compile_motions(&motions, &files.join("motions"), &joint_names(robot))?;
+        compile_motions(&motions, &files.join("motions"), robot)?;
     }
     let grasps = texts.join("grasps");
     if grasps.is_dir() {
@@ -191,8 +191,7 @@ fn whole<E: ToString>(path: &Path) -> impl FnOnce(E) -> CompileError + use<E> {
 }
 
 /// Compiles every motion `NAME.toml` in `directory` to `NAME.motion` in the directory `out`, which is made if it does
-/// not exist. `names` are the names of the hand's joints: see [`joint_names`]. Returns the names of the motions in
-/// alphabetical order. Other files in `out` stay as they are.
+/// not exist. They are motions of `hand`. Returns the names of the motions in alphabetical order. Other files in `out` stay as they are.
 ///
 /// # Errors
 /// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
@@ -201,10 +200,10 @@ fn whole<E: ToString>(path: &Path) -> impl FnOnce(E) -> CompileError + use<E> {
 pub fn compile_motions(
     directory: &Path,
     out: &Path,
-    names: &[impl AsRef<str>],
+    hand: &RobotDescription,
 ) -> Result<Vec<String>, CompileError> {
     compile_texts(directory, out, "motion", |text, path| {
-        compile_motion(text, path, names)
+        compile_motion(text, path, hand)
     })
 }
 
@@ -258,8 +257,9 @@ fn compile_grasp(text: &str, path: &Path) -> Result<Vec<u8>, CompileError> {
     Ok(bytes)
 }
 
-/// Compiles the text of a motion, and returns the bytes that the master reads. `path` is the name of the text in
-/// errors. `names` are the names of the hand's joints: see [`joint_names`].
+/// Compiles the text of a motion of `hand`, and returns the bytes that the master reads. `path` is the name of the text
+/// in errors. Lines and arcs of tips become motions of joints: see
+/// [`Hand::motions`](condor_hand::config::Hand::motions).
 ///
 /// # Errors
 /// Returns [`CompileError::Text`] if the text has a mistake; [`CompileError::Whole`] if the sequence of motions is too
@@ -267,11 +267,12 @@ fn compile_grasp(text: &str, path: &Path) -> Result<Vec<u8>, CompileError> {
 pub fn compile_motion(
     text: &str,
     path: &Path,
-    names: &[impl AsRef<str>],
+    hand: &RobotDescription,
 ) -> Result<Vec<u8>, CompileError> {
-    let motions = load::<{ FINGERS * JOINTS }>(text, &path.to_string_lossy(), names)?;
+    let motions: Vec<Primitive<{ FINGERS * JOINTS }>> =
+        hand.motions(text, &path.to_string_lossy())?;
     let mut bytes = vec![0; BYTES];
-    let len = encode(names.len(), &motions, &mut bytes).map_err(whole(path))?;
+    let len = encode(JointNumbers::of(hand).count(), &motions, &mut bytes).map_err(whole(path))?;
     bytes.truncate(len);
     Ok(bytes)
 }
@@ -297,5 +298,67 @@ mod tests {
             long.contains("has 65 bytes; the names of its variables have room for 64"),
             "{long}"
         );
+    }
+
+    const LINE: &str = r#"
+[[motion]]
+profile = "minimum-jerk"
+duration = 0.5
+to = { "index.abduction" = 0.0, "index.proximal" = 0.5, "index.middle" = 0.7, "index.distal" = 0.5 }
+
+[[motion]]
+speed = 0.2
+line = { finger = "index", by = [0.0, 0.01, 0.015] }
+"#;
+
+    fn utah_mit() -> RobotDescription {
+        let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
+        RobotDescription::from_toml(text, "utah-mit.toml").unwrap()
+    }
+
+    #[test]
+    fn a_line_that_cannot_be_is_told_with_its_file_and_its_line() {
+        let text = LINE.replace("0.015]", "-0.9]");
+        let error = compile_motion(&text, Path::new("draw.toml"), &utah_mit()).unwrap_err();
+        let error = error.to_string();
+        assert!(error.starts_with("draw.toml:9:8: index: at "), "{error}");
+    }
+
+    #[cfg(feature = "program")]
+    #[test]
+    fn a_line_is_the_same_motion_for_the_master_and_in_a_plan() {
+        use condor_hand::trajectory::image::MotionSequence;
+        use condor_hand::trajectory::{Generator, Observations};
+        use condor_host::robot::Simulator as _;
+        use condor_scene::HandView;
+
+        const ALL: usize = FINGERS * JOINTS;
+        let hand = utah_mit();
+        let view = HandView::new(&hand);
+        let from = view.moved(&[]).positions;
+        let plan = view.plan(&from, LINE, "draw.toml").unwrap();
+
+        let bytes = compile_motion(LINE, Path::new("draw.toml"), &hand).unwrap();
+        let motions = MotionSequence::<ALL>::new(from.len(), &bytes).unwrap();
+        let mut limits = [hand.trajectory_limits().next().unwrap(); ALL];
+        for (place, own) in limits.iter_mut().zip(hand.trajectory_limits()) {
+            *place = own;
+        }
+        let mut start = [0.0; ALL];
+        start[..from.len()].copy_from_slice(&from);
+        let period_s = 1.0 / f64::from(hand.trajectory_hz);
+        let mut generator = Generator::<ALL, 8>::new(limits, start, period_s).unwrap();
+        for mut motion in motions.iter() {
+            hand.rest_between_stops(&mut motion);
+            generator.enqueue(motion).unwrap();
+        }
+        let mut points = generator.set_points();
+        for tick in 0..plan.joints[0].position.len() {
+            for (point, joint) in points.iter().zip(&plan.joints) {
+                assert_eq!(point.position.to_bits(), joint.position[tick].to_bits());
+            }
+            points = generator.tick(&Observations::none());
+        }
+        assert!(generator.is_idle());
     }
 }

@@ -15,7 +15,7 @@ use condor_platform::linux::read_text;
 use condor_scene::{Ball, HandView};
 
 use crate::RobotDescription;
-use crate::compile::{CompileError, compile_all, joint_names, read_robot};
+use crate::compile::{CompileError, compile_all, read_robot};
 use crate::processes::Processes;
 
 mod keys;
@@ -166,7 +166,7 @@ impl Application for RobotApplication {
         let Some(texts) = texts else { return Ok(None) };
         Ok(Some(Box::new(Texts {
             directory: texts.join("motions"),
-            joints: joint_names(&self.read(robot)?),
+            robot: self.read(robot)?,
         })))
     }
 
@@ -178,8 +178,8 @@ impl Application for RobotApplication {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Ok(None);
         };
-        let joints = joint_names(&self.read(hand)?);
-        Ok(Some(Box::new(Offers::new(directory, &files.root, joints))))
+        let robot = self.read(hand)?;
+        Ok(Some(Box::new(Offers::new(directory, &files.root, robot))))
     }
 
     fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {

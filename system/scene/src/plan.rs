@@ -4,7 +4,6 @@
 use condor_hand::config;
 use condor_hand::dynamics::{DriveDynamics, Dynamics};
 use condor_hand::kinematics::Chain;
-use condor_hand::trajectory::motion::load;
 use condor_hand::trajectory::{
     Generator, Happening, MotionEnd, MotionError, MotionTicket, Observations, Primitive, SetPoint,
 };
@@ -125,8 +124,7 @@ pub(crate) fn motions<const FINGERS: usize, const JOINTS: usize, const ACTUATORS
         let text = format!("the hand has {joints} joints, but a plan can have at most {ALL}");
         return Err(text.into());
     }
-    let names: Vec<_> = view.joints.iter().map(|joint| &joint.name).collect();
-    Ok(load(text, file, &names)?)
+    Ok(view.hand.motions(text, file)?)
 }
 
 /// A plan of no ticks.

@@ -60,7 +60,9 @@ fn run(arm: &Arm, joints: &JointPath<7>, mut see: impl FnMut(&[SetPoint; 7])) {
     let mut servos = Interpolator::<7>::new(SUBSTEPS, TICK, start, bounds).unwrap();
     // As fast as the limits permit, but not to an end within a tick.
     let ticks = (joints.least_duration(&limits).unwrap() / TICK).ceil();
-    let primitive = joints.primitive(0, Pace::Duration(ticks * TICK)).unwrap();
+    let primitive = joints
+        .primitive(0..7, Pace::Duration(ticks * TICK))
+        .unwrap();
     generator.enqueue(primitive).unwrap();
     let mut rests = 0;
     let (mut fastest, mut hardest) = (0.0, 0.0);
@@ -280,14 +282,14 @@ fn a_motion_moves_the_joints_of_an_arm_among_others() {
     let arm = panda();
     let start = Joints::from([0.0, -0.8, 0.0, -2.2, 0.0, 1.5, 0.8]);
     let joints = shifted(&arm, &start, Vector3::y() * 0.1).unwrap();
-    let primitive = joints.primitive::<9>(2, Pace::Duration(2.0)).unwrap();
+    let primitive = joints.primitive::<9>(2..9, Pace::Duration(2.0)).unwrap();
     assert_eq!(primitive.mask, 0b1_1111_1100);
     assert_eq!(primitive.vias.len(), 16);
     let (at, posture) = joints.postures().nth(5).unwrap();
     assert_eq!(primitive.vias[4].at, at);
     assert_eq!(primitive.vias[4].positions[2..], posture.as_slice()[..]);
     assert_eq!(
-        joints.primitive::<8>(2, Pace::Duration(2.0)),
+        joints.primitive::<8>(2..9, Pace::Duration(2.0)),
         Err(MotionError::NoJoint {
             joint: 8,
             joints: 8

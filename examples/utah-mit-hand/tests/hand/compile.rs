@@ -28,7 +28,7 @@ fn motions_that_ship_stay_out_of_the_stops_and_fingertips_meet() {
     let hand = hand();
     let out = tempfile::tempdir().unwrap();
     let motions = Path::new(env!("CARGO_MANIFEST_DIR")).join("motions");
-    let names = compile_motions(&motions, out.path(), &joint_names(&hand)).unwrap();
+    let names = compile_motions(&motions, out.path(), &hand).unwrap();
     assert_eq!(
         names,
         [
@@ -74,7 +74,8 @@ fn motions_that_ship_stay_out_of_the_stops_and_fingertips_meet() {
 
 #[test]
 fn what_is_wrong_is_said_with_its_file_and_line() {
-    let names = joint_names(&hand());
+    let hand = hand();
+    let names = joint_names(&hand);
     assert_eq!((names.len(), names[0].as_str()), (ALL, "index.abduction"));
     let directory = tempfile::tempdir().unwrap();
     let out = directory.path().join("out");
@@ -82,7 +83,7 @@ fn what_is_wrong_is_said_with_its_file_and_line() {
     let path = directory.path().join("bad.toml");
     fs::write(&path, text).unwrap();
     fs::write(directory.path().join("notes.txt"), "no motion").unwrap();
-    let error = compile_motions(directory.path(), &out, &names).unwrap_err();
+    let error = compile_motions(directory.path(), &out, &hand).unwrap_err();
     let expected = format!(
         "{}:5:8: no joint is called \"index.elbow\"; there are",
         path.display()
@@ -91,19 +92,19 @@ fn what_is_wrong_is_said_with_its_file_and_line() {
     let good = text.replace("elbow", "middle");
     fs::write(&path, &good).unwrap();
     assert_eq!(
-        compile_motions(directory.path(), &out, &names).unwrap(),
+        compile_motions(directory.path(), &out, &hand).unwrap(),
         ["bad"]
     );
     // More than the master has room for.
     fs::write(&path, good.repeat(400)).unwrap();
-    let error = compile_motions(directory.path(), &out, &names).unwrap_err();
+    let error = compile_motions(directory.path(), &out, &hand).unwrap_err();
     let expected = format!(
         "{}: the compiled file (the image) does not fit into 8192 bytes; shorten its source file, or lengthen the buffer",
         path.display()
     );
     assert_eq!(error.to_string(), expected);
     let nowhere = directory.path().join("nowhere");
-    let error = compile_motions(&nowhere, &out, &names).unwrap_err();
+    let error = compile_motions(&nowhere, &out, &hand).unwrap_err();
     assert!(
         error
             .to_string()
@@ -123,7 +124,7 @@ fn a_fifo_among_the_motions_is_named_at_once() {
     // A read that waits for ever must not take the test with it.
     std::thread::spawn(move || {
         let out = motions.join("out");
-        let error = compile_motions(&motions, &out, &joint_names(&hand())).unwrap_err();
+        let error = compile_motions(&motions, &out, &hand()).unwrap_err();
         sender.send(error.to_string()).unwrap();
     });
     let told = receiver.recv_timeout(Duration::from_secs(60)).unwrap();

@@ -12,6 +12,7 @@ use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_platform::linux::WholeFile;
 
+use crate::RobotDescription;
 use crate::compile::compile_motion;
 use crate::host::{self, QueueSession};
 use crate::motions::RequestProgress;
@@ -37,7 +38,7 @@ pub(crate) struct Offers {
     directory: SystemDirectory,
     /// The directory of the compiled motions.
     files: PathBuf,
-    joints: Vec<String>,
+    robot: RobotDescription,
     /// The way to the system, which is found when it is first needed.
     way: Option<(View, SystemStatus)>,
     session: QueueSession,
@@ -52,11 +53,11 @@ struct Request {
 }
 
 impl Offers {
-    pub(crate) fn new(directory: &SystemDirectory, files: &Path, joints: Vec<String>) -> Self {
+    pub(crate) fn new(directory: &SystemDirectory, files: &Path, robot: RobotDescription) -> Self {
         Self {
             directory: directory.clone(),
             files: files.join("motions"),
-            joints,
+            robot,
             way: None,
             session: QueueSession::default(),
             requests: BTreeMap::new(),
@@ -112,7 +113,7 @@ pub(crate) fn clear(files: &Path) {
 
 impl MotionSender for Offers {
     fn enqueue(&mut self, text: &str, takes_control: bool) -> Result<u64, AnyError> {
-        let image = compile_motion(text, Path::new("motion"), &self.joints)?;
+        let image = compile_motion(text, Path::new("motion"), &self.robot)?;
         self.tidy();
         let way = match self.way.take() {
             Some(way) => way,

@@ -8,16 +8,17 @@ use condor_host::error::AnyError;
 use condor_host::robot::MotionFiles;
 use condor_platform::linux::{WholeFile, read_text};
 
+use crate::RobotDescription;
 use crate::compile::compile_motion;
 use crate::master::is_name;
 
 /// The suffix of the names of texts.
 const SUFFIX: &str = ".toml";
 
-/// The texts of motions, for a hand with these joints.
+/// The texts of motions of a robot.
 pub(crate) struct Texts {
     pub(crate) directory: PathBuf,
-    pub(crate) joints: Vec<String>,
+    pub(crate) robot: RobotDescription,
 }
 
 impl Texts {
@@ -62,7 +63,7 @@ impl MotionFiles for Texts {
     fn write(&mut self, file: &str, text: &str, replaces: bool) -> Result<(), AnyError> {
         let path = self.path(file)?;
         // The system does not come up with a text that cannot be compiled.
-        compile_motion(text, Path::new(file), &self.joints)?;
+        compile_motion(text, Path::new(file), &self.robot)?;
         fs::create_dir_all(&self.directory).map_err(|error| file_error(&self.directory, &error))?;
         let write = || {
             let mut new = WholeFile::create(&path)?;
@@ -94,7 +95,11 @@ mod tests {
     fn texts(directory: &Path) -> Texts {
         Texts {
             directory: directory.into(),
-            joints: vec!["thumb.distal".into()],
+            robot: RobotDescription::from_toml(
+                include_str!("../../../../condor-hand/hands/utah-mit.toml"),
+                "utah-mit.toml",
+            )
+            .unwrap(),
         }
     }
 

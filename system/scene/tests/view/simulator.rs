@@ -407,6 +407,44 @@ fn the_contents_of_a_text_become_the_same_text_again() {
 }
 
 #[test]
+fn the_tip_of_a_plan_follows_its_line() {
+    let hand = utah_mit();
+    let view = HandView::new(&hand);
+    let from = view.moved(&[]).positions;
+    let bent = OPEN.replace(
+        "\"index.proximal\" = 0.5",
+        "\"index.abduction\" = 0.0\n\"index.proximal\" = 0.5\n\"index.middle\" = 0.7\n\"index.distal\" = 0.5",
+    );
+    let by = Vector3::new(0.0, 0.01, 0.015);
+    let line = "[[motion]]\nspeed = 0.2\nline = { finger = \"index\", by = [0.0, 0.01, 0.015] }\n";
+    let text = format!("{bent}{line}");
+    let plan = view.plan(&from, &text, "line").unwrap();
+    let ticks = plan.joints[0].position.len();
+    let tips: Vec<_> = (25..ticks)
+        .map(|tick| {
+            let joints = plan.joints.iter();
+            let positions: Vec<_> = joints.map(|joint| joint.position[tick]).collect();
+            tip(&hand, 0, &positions)
+        })
+        .collect();
+    let (start, end) = (tips[0], tips[tips.len() - 1]);
+    assert!((end - start - by).norm() < 1e-8);
+    for tip in &tips {
+        let gone = tip - start;
+        let off = gone - by * (gone.dot(&by) / by.norm_squared());
+        assert!(off.norm() < 1e-4, "{} m", off.norm());
+    }
+    // The steps of a page become the same text, and a path that cannot be is an error with its place.
+    let steps = view.steps(&text, "line").unwrap();
+    assert_eq!(steps["motion"][1]["line"]["finger"], "index");
+    let written = view.text(&steps).unwrap();
+    assert_eq!(view.plan(&from, &written, "line").unwrap(), plan);
+    let far = text.replace("0.015]", "0.9]");
+    let error = view.plan(&from, &far, "line.toml").unwrap_err().to_string();
+    assert!(error.starts_with("line.toml:12:8: index: at "), "{error}");
+}
+
+#[test]
 fn a_step_that_cannot_be_is_refused_with_its_joint_and_all_ends() {
     let view = HandView::new(&utah_mit());
     let from = view.moved(&[]).positions;

@@ -11,7 +11,7 @@ use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{
     Call, Mailbox, MemoryWindow as _, Messenger, PeerState, Processor, Region, Windows,
 };
-use condor_robot::compile::{compile_grasps, compile_motions, joint_names};
+use condor_robot::compile::{compile_grasps, compile_motions};
 use condor_robot::master::{DesiredPositions, Master};
 use condor_robot::plant::{Plant, TrueState};
 use condor_robot::servo::Servo;
@@ -104,12 +104,7 @@ pub(crate) fn run_with<R: Send>(
     let mut image = vec![0; 16384];
     let len = hand.to_image(&mut image).unwrap();
     std::fs::write(files.path().join(IMAGE), &image[..len]).unwrap();
-    compile_motions(
-        &motions(),
-        &files.path().join("motions"),
-        &joint_names(hand),
-    )
-    .unwrap();
+    compile_motions(&motions(), &files.path().join("motions"), hand).unwrap();
     compile_grasps(&grasps(), &files.path().join("grasps")).unwrap();
     let memory = tempfile::tempfile().unwrap();
     memory.set_len(address::BUS_BYTES as u64).unwrap();
@@ -513,8 +508,7 @@ impl Typist<'_> {
     pub(crate) fn writes(&self, name: &str, text: &str) {
         let texts = tempfile::tempdir().unwrap();
         std::fs::write(texts.path().join(format!("{name}.toml")), text).unwrap();
-        let names = joint_names(&hand());
-        compile_motions(texts.path(), &self.files.join("motions"), &names).unwrap();
+        compile_motions(texts.path(), &self.files.join("motions"), &hand()).unwrap();
     }
 
     /// What is in a file.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use crate::rotation_about;
 
 /// The orientation of a frame relative to its parent frame, in whichever of four notations is
-/// easiest to write in the configuration file.
+/// easiest to write in a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Rotation {
