@@ -5,7 +5,7 @@ use std::error::Error;
 use condor_hand::config;
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::plant::{DriveKind, PlantModel, SimHand};
+use condor_hand::plant::{DriveKind, PlantModel, SimFinger, SimHand};
 use condor_hand::servo::{FingerReadings, ServoMode};
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_hand::transmission::Linear;
@@ -73,10 +73,7 @@ impl Simulated {
     }
 
     fn state(&self) -> HandState {
-        self.hand
-            .fingers()
-            .each_ref()
-            .map(|finger| finger.readings())
+        self.hand.fingers().each_ref().map(SimFinger::readings)
     }
 }
 
