@@ -41,6 +41,7 @@ pub mod fault;
 mod fault_code;
 mod image;
 pub mod kinematics;
+mod list;
 pub mod math;
 mod number;
 mod pose;

@@ -9,6 +9,7 @@ use crate::fault::{
     ActuatorFaultLimits, EncoderFaultLimits, FaultLimits, FaultRange, JointFaultLimits, Plausible,
     SensorFaultLimits, Stuck, Threshold,
 };
+use crate::list::list;
 use crate::math::{abs, max, min};
 use crate::servo::{
     ActuatorSettings, FingerSettings, JointCutoffs, JointGains, JointSettings, PositionLaw,
@@ -33,10 +34,8 @@ impl<const N: usize, const A: usize> Finger<N, A> {
         let resolutions = self.resolutions();
         let joints = self.joints.iter().zip(&resolutions);
         FingerSettings {
-            joints: joints
-                .map(|(joint, resolution)| joint.settings(*resolution))
-                .collect(),
-            actuators: self.actuators.iter().map(Actuator::settings).collect(),
+            joints: list(joints.map(|(joint, resolution)| joint.settings(*resolution))),
+            actuators: list(self.actuators.iter().map(Actuator::settings)),
             drive: DriveDynamics {
                 armature: self.each(|joint| joint.friction.armature),
                 viscous: self.each(|joint| joint.friction.viscous),

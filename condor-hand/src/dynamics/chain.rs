@@ -51,7 +51,6 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
         let links = self.moved(q);
         let mut free = torque - self.torque(&links, qd, &SVector::zeros(), gravity);
         let mut mass = self.mass(&links);
-        let count = self.links().len();
         for (i, moves) in self.moving(|_| true).into_iter().enumerate() {
             if moves {
                 mass[(i, i)] += armature[i];
@@ -60,7 +59,7 @@ impl<const N: usize> Dynamics<N> for Chain<N> {
                 free[i] = 0.0;
             }
         }
-        let acceleration = Ldl::leading(&mass, count)?.solve(&free);
+        let acceleration = Ldl::leading(&mass, self.count())?.solve(&free);
         acceleration
             .iter()
             .all(|&entry| is_finite(entry))
@@ -72,7 +71,11 @@ impl<const N: usize> Chain<N> {
     #[inline(always)]
     fn moved(&self, q: &SVector<f64, N>) -> [Link; N] {
         let mut links = [Link::none(); N];
-        let all = links.iter_mut().zip(&self.joints).zip(self.links());
+        let all = links
+            .iter_mut()
+            .zip(&self.joints)
+            .zip(&self.links)
+            .take(self.count());
         for ((link, joint), place) in all {
             *link = Link::of(joint, place.position(q));
         }
@@ -95,7 +98,8 @@ impl<const N: usize> Chain<N> {
         };
         let mut motions = [base; N];
         let mut loads = [(Vector3::zeros(), Vector3::zeros()); N];
-        for (i, place) in self.links().iter().enumerate() {
+        for i in 0..self.count() {
+            let place = &self.links[i];
             let carrier = place.carrier.and_then(|carrier| motions.get(carrier));
             let motion = links[i].motion(carrier.unwrap_or(&base), place.rate(qd), place.rate(qdd));
             loads[i] = load_of(&self.bodies[i], &motion);
@@ -103,7 +107,8 @@ impl<const N: usize> Chain<N> {
         }
 
         let mut torques = [0.0; N];
-        for (i, place) in self.links().iter().enumerate().rev() {
+        for i in (0..self.count()).rev() {
+            let place = &self.links[i];
             let (force, moment) = loads[i];
             if let Some(torque) = torques.get_mut(place.coordinate) {
                 *torque += place.ratio * links[i].torque(&force, &moment);
@@ -120,7 +125,8 @@ impl<const N: usize> Chain<N> {
     fn mass(&self, links: &[Link; N]) -> SMatrix<f64, N, N> {
         let mut composites = [Composite::nothing(); N];
         let mut mass = SMatrix::<f64, N, N>::zeros();
-        for (i, place) in self.links().iter().enumerate().rev() {
+        for i in (0..self.count()).rev() {
+            let place = &self.links[i];
             composites[i].add(&self.bodies[i]);
             let composite = composites[i];
             let mut link = &links[i];

@@ -221,10 +221,11 @@ impl<const N: usize> Chain<N> {
         chain
     }
 
-    /// The links without those at the end that neither move nor have a mass: they add nothing to torques.
+    /// Returns the number of links without those at the end that neither move nor have a mass: they add nothing to
+    /// torques.
     #[inline(always)]
-    pub(crate) fn links(&self) -> &[ChainLink] {
-        self.links.get(..self.count).unwrap_or(&self.links)
+    pub(crate) fn count(&self) -> usize {
+        self.count.min(N)
     }
 
     /// Marks the links between the base and the link that has the tip.

@@ -7,6 +7,7 @@ use super::{
     SimFinger, SimStop, SimSurface, SimTable,
 };
 use crate::dynamics::Dynamics;
+use crate::list::list;
 use crate::math::{abs, max};
 use crate::transmission::Transmission;
 use crate::{NumberError, Requirement, Subject, config};
@@ -104,16 +105,8 @@ impl PlantModel {
         finger: &config::Finger<N, A>,
     ) -> FingerParameters<N, A> {
         FingerParameters {
-            joints: finger
-                .joints
-                .iter()
-                .map(|joint| self.joint(joint))
-                .collect(),
-            drives: finger
-                .actuators
-                .iter()
-                .map(|actuator| self.drive(actuator))
-                .collect(),
+            joints: list(finger.joints.iter().map(|joint| self.joint(joint))),
+            drives: list(finger.actuators.iter().map(|actuator| self.drive(actuator))),
         }
     }
 

@@ -13,6 +13,7 @@ use crate::Subject;
 use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, LowPass};
 use crate::dynamics::{DriveDynamics, Dynamics};
+use crate::list::list;
 use crate::math::is_finite;
 use crate::number::{NumberError, positive};
 use crate::trajectory::SetPoint;
@@ -149,11 +150,7 @@ where
             joints,
             actuators,
             effort_filters: LowPass::new(effort_cutoffs_hz, sample_hz)?,
-            sensed: settings
-                .actuators
-                .iter()
-                .map(|actuator| actuator.is_sensed)
-                .collect(),
+            sensed: list(settings.actuators.iter().map(|actuator| actuator.is_sensed)),
             position_filters: LowPass::new(position_cutoffs_hz, sample_hz)?,
             velocities: Derivative::new(velocity_cutoffs_hz, sample_hz)?,
             sample_hz,
