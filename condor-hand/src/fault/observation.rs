@@ -1,6 +1,6 @@
 use nalgebra::SVector;
 
-/// The desired and measured values of a finger in one tick, which a [`FingerMonitor`] checks.
+/// The desired and measured values of a finger in one tick, which a [`FingerMonitor`](super::FingerMonitor) checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation<'a, const N: usize, const A: usize> {
     /// The desired efforts, N or N m.
