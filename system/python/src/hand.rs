@@ -24,7 +24,7 @@ const BYTES: usize = 8192;
 /// A hand, computed from its configuration alone: its joints and links, and the motions that its master would make.
 #[pyclass(frozen)]
 pub(crate) struct Hand {
-    hand: config::Hand<FINGERS, JOINTS, ACTUATORS>,
+    description: config::Hand<FINGERS, JOINTS, ACTUATORS>,
     view: HandView<FINGERS, JOINTS, ACTUATORS>,
     wires: Vec<WiringRow>,
 }
@@ -45,11 +45,11 @@ impl Hand {
     #[new]
     fn new(py: Python<'_>, text: &str, file: &str) -> PyResult<Self> {
         let read = py.detach(|| {
-            let hand = config::Hand::from_toml(text, file)?;
+            let description = config::Hand::from_toml(text, file)?;
             Ok::<_, Failure>(Self {
-                view: HandView::new(&hand),
-                wires: wired(&hand),
-                hand,
+                view: HandView::new(&description),
+                wires: wired(&description),
+                description,
             })
         });
         Ok(read?)
@@ -57,7 +57,7 @@ impl Hand {
 
     /// Returns the name of the hand.
     fn name(&self) -> &str {
-        &self.hand.name
+        &self.description.name
     }
 
     /// Returns `(name, least position, greatest position)` of each joint, rad.
@@ -144,7 +144,7 @@ impl Hand {
     /// errors.
     fn compile(&self, py: Python<'_>, motion: &str, file: &str) -> PyResult<Vec<u8>> {
         let compiled = py.detach(|| {
-            let motions: Vec<Primitive<MOVED>> = self.hand.motions(motion, file)?;
+            let motions: Vec<Primitive<MOVED>> = self.description.motions(motion, file)?;
             let mut bytes = vec![0; BYTES];
             let length = encode(self.view.joints().len(), &motions, &mut bytes)
                 .map_err(|error| Failure::refused(format!("{file}: {error}")))?;
