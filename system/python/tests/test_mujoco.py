@@ -20,6 +20,9 @@ COUNT_RAD = 7.7e-4
 POSITION_RAD = 2.5 * COUNT_RAD
 # Such a difference lasts for a few ticks: in the mean over the motion, where errors are some 5e-4 rad, little is left.
 RMS_RAD = 1e-4
+# A set-point of the motion goes this far in a tick, rad. Before that it may change by less, when its joint begins to
+# follow.
+STEP_RAD = 1e-5
 
 
 def moved(system: condor.System, joints: list[str]) -> tuple[Array, Array]:
@@ -35,7 +38,7 @@ def moved(system: condor.System, joints: list[str]) -> tuple[Array, Array]:
     for servo in ("servo-a:servo", "servo-b:servo"):
         own = [joint for joint in joints if samples[f"{joint}.target"].source == servo]
         target, position = (samples.matrix([f"{joint}.{what}" for joint in own]) for what in ("target", "position"))
-        first = int(np.flatnonzero(np.any(np.diff(target, axis=0) != 0.0, axis=1))[0])
+        first = int(np.flatnonzero(np.any(np.abs(np.diff(target, axis=0)) > STEP_RAD, axis=1))[0])
         columns[0].extend(target[first : first + 1300].T)
         columns[1].extend(position[first : first + 1300].T)
     target, position = (np.column_stack(of) for of in columns)
