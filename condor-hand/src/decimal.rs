@@ -24,8 +24,8 @@ use crate::math;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decimal(pub f64);
 
-/// The numbers that have as many digits before the point as there are to show, twelve or four: the least one, its power of
-/// ten, and the end.
+/// For twelve digits, and for four: the least number with so many digits before the point, its power of ten, and the least
+/// number with one digit more.
 const TWELVE_DIGITS: (f64, i32, f64) = (1e11, 11, 1e12);
 const FOUR_DIGITS: (f64, i32, f64) = (1e3, 3, 1e4);
 /// Digits that a 64-bit word has for certain, before the point and after.
